@@ -17,6 +17,7 @@ from guidance.frames import Enu, ned_from_game
 from guidance.game import Cylinder, Extent, Game, StandOff, Winner, solve_state
 from tests.bench.bench_promise_turns import played as played_turns
 from tests.control.scenes import MULTICOPTER as ENVELOPE
+from tests.harness.examples import drawn
 from tests.harness.guarded import SETUPS, cycle_settings, draw_game
 from tests.harness.referee import Referee, referee
 from tests.harness.trials import is_broken
@@ -144,8 +145,9 @@ def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
     st.floats(6.0, 25.0),
     st.lists(st.floats(-math.pi, math.pi), min_size=6, max_size=6),
 )
-@settings(max_examples=25)
+@settings(max_examples=drawn(60))
 def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, z, headings):
+    """Catches an assured distance that shrinks while the pursuer waits."""
     at_once = Capability(Acceleration(1e9, 1e9), ENVELOPE, APPROACH, 6.0, 0.5)
     step_s = 0.05
     pursuer_m = (x, y, z)
@@ -339,6 +341,7 @@ def test_a_meeting_that_moves_on_from_round_to_round_is_not_counted_on():
 
 
 def test_a_vehicle_that_has_won_at_a_wide_target_keeps_its_win():
+    """Catches a lasting claim of the verdict that the vehicle then loses."""
     # The game's solution flies past an evader that turns. Both games were lost after a claim had lasted.
     for seed, number in ((9101, 34), (9203, 275)):
         drawn = draw_game(seed, number, "polygon")

@@ -181,6 +181,7 @@ def example(name, *arguments):
 
 
 def test_the_examples_run(tmp_path, capsys):
+    """Catches an example of the documentation that does not run."""
     example("million_states.py", 4_000, tmp_path / "barrier.png")
     assert (tmp_path / "barrier.png").stat().st_size > 10_000
     assert "the pursuer wins 9" in capsys.readouterr().out

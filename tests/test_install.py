@@ -58,6 +58,7 @@ main()
     ],
 )
 def test_games_and_records_need_no_extra(arguments, tmp_path):
+    """Catches an import that needs an extra where none is promised."""
     done = without_extras(*arguments, folder=tmp_path)
     assert done.returncode == 0, done.stderr
 
@@ -89,6 +90,7 @@ def test_a_command_whose_extra_is_missing_says_which_and_how_to_add_it(
 
 
 def test_teams_without_scipy_name_the_extra(tmp_path):
+    """Catches a missing extra that ends in a traceback."""
     done = without_extras("scenario", "run", "teams_tad", folder=tmp_path)
     assert done.returncode == 2
     assert (

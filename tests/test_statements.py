@@ -42,6 +42,7 @@ def test_a_private_name_of_a_package_is_noticed(use, found):
 
 
 def test_tests_use_public_names():
+    """Catches a test that reads a private name of the packages."""
     names = private_names.private_names()
     assert len(names) > 1000
     uses = [

@@ -1,12 +1,13 @@
 """`python -m tests`: every step has a row, what starved runs again alone, and what passed is not repeated."""
 
+import ast
 import json
 import sys
 
 import pytest
 
 from tests import __main__ as steps
-from tests.__main__ import FAILED, PASSED, PYTEST, STARVED, Row, Step, run
+from tests.__main__ import FAILED, PASSED, PYTEST, ROOT, STARVED, Row, Step, costly, run
 from tests.changed import changed_functions, reached
 
 
@@ -78,6 +79,24 @@ def test_results_are_kept_for_all_as_long_as_no_file_changes(kept, monkeypatch):
 def times(kept, name):
     row = json.loads((kept / "passed.json").read_text())["rows"][name]
     return {key: row[key] for key in ("seconds", "processor_s")}
+
+
+NOT_YET = tuple(
+    f"tests/{folder}/"
+    for folder in ("acceptance", "cli", "links", "log", "preflight", "session", "sitl_mock", "viz")
+)
+
+
+def test_every_costly_test_says_what_only_it_catches():
+    silent = set()
+    for test in costly():
+        file, _, name = test.partition("::")
+        function = name.partition("[")[0].rpartition("::")[2]
+        for node in ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8"))):
+            if getattr(node, "name", "") == function and not file.startswith(NOT_YET):
+                words = ast.get_docstring(node) or ""
+                silent |= set() if words.startswith("Catches ") else {f"{file}::{function}"}
+    assert silent == set()
 
 
 FILES = {

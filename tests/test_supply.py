@@ -32,6 +32,7 @@ def declared():
 
 
 def test_the_bill_names_every_package_with_its_version_and_what_it_requires(capsys):
+    """Catches a dependency that the bill of materials leaves out."""
     assert supply.main([]) == 0
     bill = json.loads(capsys.readouterr().out)
     components = {part["name"]: part for part in bill["components"]}

@@ -255,6 +255,7 @@ def farthest_beyond_m(autopilot, gust, flown_s=FLOWN_S):
 
 @pytest.mark.parametrize("autopilot", AIRFRAMES)
 def test_no_gust_drives_a_vehicle_beyond_a_fence(autopilot, monkeypatch):
+    """Catches a braking law that a measured gust carries over the fence, though each of its steps is right."""
     gusts = [Gust(seed, autopilot) for seed in range(DRAWS)]
     beyond_m = [farthest_beyond_m(autopilot, gust) for gust in gusts]
     assert max(beyond_m) <= 0.0

@@ -181,6 +181,7 @@ places = st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0), st.floats(-30
 def test_two_vehicles_keep_their_separation_wherever_they_want_to_go(
     one, other, to, there, late, loss, draw
 ):
+    """Catches two vehicles that each brake within their half and meet, with late and lost states of each other."""
     if outside_m(one, other) < 1.0:
         other = (one[0] + APART_M + 1.0, one[1], other[2])
     points = [Point(one, to), Point(other, there)]

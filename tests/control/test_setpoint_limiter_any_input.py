@@ -276,6 +276,7 @@ def test_standing_still_is_never_turned_into_motion(command, situation, memory, 
 @settings(deadline=None)
 @given(setpoints, situations, memories, steps, st.booleans())
 def test_walls_never_add_speed(command, situation, memory, dt, led):
+    """Catches a combination of walls that turns or lengthens a command which no single wall changes."""
     free = replace(
         ENVELOPE,
         fence_radius_m=None,

@@ -110,6 +110,7 @@ def test_a_vehicle_slides_along_a_wall_and_stops_in_the_corner():
 
 
 def test_the_inward_corner_of_a_polygon_is_not_cut():
+    """Catches a way past the inward corner of a fence, where the nearest edge changes in flight."""
     notched = Polygon(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (5.0, 0.0), (-50.0, 50.0)))
     for start in range(-40, 41, 16):
         rows = fly(

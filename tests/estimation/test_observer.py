@@ -72,6 +72,7 @@ def test_the_speed_bound_is_the_larger_of_declared_and_estimate_plus_k_sigma():
     ("rate_hz", "known", "least_gain"), [(1.0, True, 2.0), (50.0, True, 4.0), (5.0, False, 2.0)]
 )
 def test_a_circling_evader_is_predicted_better_than_its_last_report(rate_hz, known, least_gain):
+    """Catches an estimator that follows straight runs and is worse than the last report in a turn."""
     rng = random.Random(4)
     track = Track()
     ours = []

@@ -101,6 +101,7 @@ def run(seed, *, rate_hz, with_velocity, delay_s, seconds, after_s):
     ],
 )
 def test_nees_and_nis_are_within_their_chi_square_bounds(rate_hz, with_velocity, delay_s, seconds):
+    """Catches a covariance that is too small or too large for the errors, at any rate of reports."""
     nees = []
     nis = []
     refused = 0
@@ -126,6 +127,7 @@ def test_nees_and_nis_are_within_their_chi_square_bounds(rate_hz, with_velocity,
 
 
 def test_the_spread_of_the_speed_covers_the_speed_as_often_as_it_says():
+    """Catches a speed bound that evaders exceed more often than it says."""
     # k = 2: in one direction 2.3 % above; the bound is used with k = 2, so allow for a mixture's tails.
     exceeded = 0
     for seed in range(200):

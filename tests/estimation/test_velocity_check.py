@@ -92,6 +92,7 @@ def test_a_velocity_is_believed_again_once_it_was_right_for_long_while_the_evade
 
 
 def test_a_dropped_velocity_no_longer_pulls_the_estimate():
+    """Catches reported velocities of a wrong frame that still pull the estimate after they are no longer believed."""
     observer = Observer()
     errors_m = []
     for step in range(900):

@@ -54,6 +54,7 @@ def test_a_constant_delay_keeps_the_vehicle_on_the_ground_and_is_named():
 
 @pytest.mark.parametrize("per_s", [0.1, 0.3, 0.5])
 def test_a_growing_delay_hands_the_vehicle_to_its_hold_before_a_position_is_a_second_old(per_s):
+    """Catches a delay that grows slowly enough to pass for a clock's drift."""
     late = Late().engaged()
     states = grown(late, 3.0, per_s)
     assert states[0] is State.ENGAGED

@@ -251,6 +251,7 @@ def test_a_moved_origin_is_rejected_if_the_vehicle_did_not_move_with_it():
 )
 @settings(max_examples=drawn(20))
 def test_a_home_that_wanders_in_flight_changes_nothing_at_all(wanders):
+    """Catches a home reported in flight that moves the fence, the evader or a setpoint by a bit."""
     still = engaged()
     restless = engaged()
     for wander in wanders:

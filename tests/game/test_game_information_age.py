@@ -258,6 +258,7 @@ def test_beyond_the_guaranteed_age_tad_has_no_value(game, P, E, T):
 
 @pytest.mark.parametrize("speeds", [Ball(2.0), Cylinder(2.0, 1.0, 0.7)])
 def test_up_to_the_guaranteed_age_tad_has_the_least_value_of_all_headings(oracle, speeds):
+    """Catches a wrong value of TAD at the oldest information that is guaranteed."""
     P, E, T = oracle.states(5, 8)
     for radius_m, capture_m, wind in (
         (2.0, 0.0, (0.0, 0.0)),
@@ -322,6 +323,7 @@ NEAR = {
 
 @pytest.mark.parametrize("game", NEAR.values(), ids=NEAR)
 def test_near_the_pursuer_tad_with_age_has_the_value_of_straight_runs_or_none(game):
+    """Catches a wrong value of TAD with old information, near the pursuer."""
     assert game.information_age_s <= guaranteed_age_s(game)
     rng = np.random.default_rng(4)
     P, E, T = rng.uniform(-8.0, 8.0, (3, 60, 3))

@@ -68,6 +68,7 @@ def test_the_residual_vanishes_on_the_axes_too():
 @few
 @given(seed=seeds)
 def test_the_residual_vanishes_in_tad_on_both_sides_of_the_barrier(games, oracle, seed):
+    """Catches velocities that are not those of the value's own gradient (Isaacs' equation)."""
     sides = set()
     for name, game in games.items():
         P, E, T = oracle.states(seed, 24, game)
@@ -90,6 +91,7 @@ def test_the_residual_vanishes_in_tad_on_both_sides_of_the_barrier(games, oracle
 @few
 @given(seed=seeds)
 def test_the_closed_gradient_is_the_derivative_of_the_value(games, oracle, seed):
+    """Catches a wrong sign or factor in a closed gradient, in any family of games."""
     for name, game in games.items():
         if game.evader_space == "space":
             continue

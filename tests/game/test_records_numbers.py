@@ -63,6 +63,7 @@ def test_whole_numbers_are_real_numbers(games, kind):
 
 
 def test_every_function_takes_whole_numbers():
+    """Catches a function that computes in whole numbers if its arguments are whole."""
     whole = [np.array(values) for values in WHOLE]
     real = [np.array(values, dtype=float) for values in WHOLE]
     for catalogue in (PURSUER_POLICIES, EVADER_POLICIES):

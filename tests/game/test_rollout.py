@@ -24,6 +24,7 @@ def steady(*velocity):
 
 @pytest.mark.parametrize("step_s", [0.01, 0.1])
 def test_pure_pursuit_of_a_straight_run_has_its_closed_form(step_s):
+    """Catches a rollout whose curved way is not that of its differential equation."""
     d = math.dist(P[:2], E[:2])
     D = math.dist(P, E)
     end = rollout(PAPER, P, E, pursuer_policy="pure_pursuit", stepping=Exact(step_s=step_s))
@@ -35,6 +36,7 @@ def test_pure_pursuit_of_a_straight_run_has_its_closed_form(step_s):
     "stepping", [Exact(), Exact(step_s=0.5), Exact(order=1), Exact(step_s=0.5, order=1)]
 )
 def test_optimal_play_is_straight_so_no_step_is_too_long_for_it(stepping):
+    """Catches a rollout that steps over the end of a game."""
     chase = rollout(PAPER, P, E, stepping=stepping)
     assert chase.time_s == pytest.approx(solve(PAPER, P, E).value, abs=1e-7)
     np.testing.assert_allclose(chase.evader_m, solve(PAPER, P, E).meeting_point_m, atol=1e-6)
@@ -176,6 +178,7 @@ def test_an_evader_in_space_is_met_on_its_sphere():
     "stepping", [Exact(step_s=0.1), Exact(step_s=0.1, order=1), Paper(step_s=0.1, capture_m=0.1)]
 )
 def test_a_batch_is_its_single_games(stepping):
+    """Catches a game of a batch that is changed by the game beside it."""
     rng = np.random.default_rng(8)
     P, E, T = rng.uniform(-9.0, 9.0, (3, 7, 3)) * [1.0, 1.0, 0.0]
     P[:, 2] = rng.uniform(0.0, 9.0, 7)

@@ -59,6 +59,7 @@ def start(game, oracle, seed, count):
 @few
 @given(seed=seeds)
 def test_optimal_play_takes_the_value(played, oracle, seed):
+    """Catches play of both sides that is not worth the value."""
     P, E, T = start(played, oracle, seed, 4)
     chase = rollout(played, P, E, stepping=STEPPING)
     np.testing.assert_array_equal(chase.end, End.CAPTURED)
@@ -89,6 +90,7 @@ def test_no_evader_escapes_the_optimal_pursuer_for_longer_than_the_value(played,
 @few
 @given(seed=seeds)
 def test_no_pursuer_catches_the_optimal_evader_sooner_than_the_value(played, oracle, seed):
+    """Catches a play of the evader that another course of the pursuer beats, in PE."""
     P, E, _ = start(played, oracle, seed, 4)
     value = solve(played, P, E).value
     pursuers = [
@@ -108,6 +110,7 @@ def test_no_pursuer_catches_the_optimal_evader_sooner_than_the_value(played, ora
 @few
 @given(seed=seeds)
 def test_no_evader_comes_closer_to_its_target_than_the_value(played, oracle, seed):
+    """Catches a play of the pursuer that another course of the evader beats, in TAD."""
     P, E, T = start(played, oracle, seed, 4)
     solution = solve(played, P, E, T)
     won = solution.winner > 0
@@ -139,6 +142,7 @@ def test_no_evader_comes_closer_to_its_target_than_the_value(played, oracle, see
 def test_no_pursuer_keeps_the_optimal_evader_farther_from_its_target_than_the_value(
     played, oracle, seed
 ):
+    """Catches a play of the evader that another course of the pursuer beats, in TAD."""
     P, E, T = start(played, oracle, seed, 4)
     solution = solve(played, P, E, T)
     won = solution.winner > 0

@@ -320,7 +320,10 @@ def test_a_cylinder_holds_what_it_has_met_to_a_nanometre_and_no_more():
 
 @pytest.mark.parametrize("age", [0.0, 0.5])
 def test_a_cylinder_over_its_disc_holds_in_tad_as_in_pe(age):
-    """Step by step against a weaving evader: a part that is reached is held, without jumps to full speed."""
+    """Catches jumps to full speed over a part of the disc that is reached, against a weaving evader.
+
+    Step by step against a weaving evader: a part that is reached is held, without jumps to full speed.
+    """
     game = Game(
         Cylinder(12.0, 3.0, 1.5),
         3.0,

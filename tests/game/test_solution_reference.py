@@ -196,6 +196,7 @@ def computed(part):
 
 @pytest.mark.parametrize("part", PARTS)
 def test_no_number_has_changed(part):
+    """Catches any number of a solution that changes without intent."""
     with np.load(KEPT) as kept:
         found = computed(part)
         assert found.keys() == {name for name in kept if name.startswith(part)}

@@ -60,6 +60,7 @@ def clear(solution):
 @some
 @given(seed=seeds, angle=st.floats(-7.0, 7.0))
 def test_turning_the_world_turns_the_play(games, oracle, seed, angle):
+    """Catches an axis that is favoured: north for east, or a velocity without its frame."""
     turn = rotation(angle)
     for name, game in games.items():
         P, E, T = oracle.states(seed, 10, game)
@@ -85,6 +86,7 @@ def test_turning_the_world_turns_the_play(games, oracle, seed, angle):
 @some
 @given(seed=seeds, shift=st.tuples(*[st.floats(-100.0, 100.0)] * 3))
 def test_moving_the_world_moves_the_play(games, oracle, seed, shift):
+    """Catches a coordinate that is taken for a difference of coordinates."""
     for name, game in games.items():
         P, E, T = oracle.states(seed, 10, game)
         for target in (None, T):
@@ -111,6 +113,7 @@ def test_moving_the_world_moves_the_play(games, oracle, seed, shift):
 @some
 @given(seed=seeds, length=st.floats(0.1, 50.0), speed=st.floats(0.1, 20.0))
 def test_other_units_give_the_same_play(games, oracle, seed, length, speed):
+    """Catches a constant with a hidden unit."""
     for name, game in games.items():
         P, E, T = oracle.states(seed, 10, game)
         other = stretched(game, length, speed)
@@ -174,7 +177,10 @@ def test_the_pe_value_has_no_jump_right_above_the_evader(games, oracle, seed, tu
 @some
 @given(seed=seeds)
 def test_values_and_strategies_have_no_jump_across_the_barrier(games, oracle, seed):
-    """Along a line from a state that the pursuer wins to one that the evader wins, close in on the barrier."""
+    """Catches a jump of value or velocity between two branches of the solution at the barrier.
+
+    Along a line from a state that the pursuer wins to one that the evader wins, close in on the barrier.
+    """
     for name, game in games.items():
         P, E, T = oracle.states(seed, 30, game)
         margin = np.nan_to_num(solve(game, P, E, T).margin_s)

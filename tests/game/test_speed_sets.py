@@ -93,6 +93,7 @@ def test_its_game_is_solved_alone_and_in_a_batch_and_is_that_of_a_ball_in_its_he
 
 
 def test_its_play_ends_when_its_value_says():
+    """Catches a user's speed set whose play does not take its value."""
     P, E, _ = (places[:40] for places in states())
     answer = solve(GAME, P, E)
     end = rollout(GAME, P, E, stepping=Exact(step_s=0.1), duration_s=60.0)

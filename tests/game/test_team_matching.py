@@ -253,7 +253,7 @@ def test_who_is_out_of_play_is_left_alone():
 
 
 @given(st.integers(0, 10_000), st.booleans())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=drawn(80), deadline=None)
 def test_of_equal_promises_the_ways_do_not_cross(seed, noisy):
     """High above their discs all pursuers capture by their descent, so every pairing promises the same."""
     random = np.random.default_rng(seed)

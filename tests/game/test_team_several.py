@@ -68,6 +68,7 @@ def searched(oracle, game, P, E, cost):
 @settings(max_examples=drawn(12), deadline=None)
 @given(seed=seeds, n=counts, game=st.sampled_from([PAPER, HIGH, None]))
 def test_the_value_is_that_of_its_definition(oracle, seed, n, game):
+    """Catches a wrong value of a team, against a search over headings."""
     game = unequal(seed, n) if game is None else game
     P, E, T = states(seed, n)
     answer = solve_team(game, P, E, T)
@@ -281,6 +282,7 @@ def hunted(ratio, share, count, seed, n=2):
 
 @pytest.mark.parametrize(("ratio", "most"), [(1.3, 1.05), (2.0, 1.01)])
 def test_two_pursuers_capture_an_evader_that_searches_in_the_value(ratio, most):
+    """Catches two pursuers that an evader with a search at every step escapes for longer than the value."""
     late = hunted(ratio, 0.005, 3, 3)
     assert late.min() > 0.9
     assert late.max() < most

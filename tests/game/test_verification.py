@@ -10,6 +10,7 @@ from tests.game import gradient as closed
 
 @pytest.mark.parametrize("name", ["paper", "ball_everything", "cylinder", "moving_target"])
 def test_gradient_and_residual_are_those_of_the_closed_forms(games, oracle, name):
+    """Catches a numerical gradient that differs from the closed one."""
     game = games[name]
     P, E, T = oracle.states(31, 40, game)
     for given in ((P, E), (P, E, T)):

@@ -15,6 +15,7 @@ def wire(sortie):
 
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_a_copied_sortie_flies_on_as_the_one_it_was_copied_from(autopilot):
+    """Catches state of a flight that two copies share, so that one test changes another."""
     first = Stepped(autopilot).standing_by()
     before = first.now_s
     copy = copied(first, first.history())
@@ -36,6 +37,7 @@ def test_no_function_of_a_vehicle_holds_on_to_the_one_it_was_made_in(flavour):
 
 
 def test_nor_does_one_of_a_whole_sortie():
+    """Catches a closure that keeps an object of the original in a copied sortie."""
     sortie = Stepped("px4").engaged()
     assert shared_by_functions(sortie) == set()
     assert shared_by_functions([[], lambda: sortie, sortie]) == {

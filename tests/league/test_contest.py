@@ -50,6 +50,7 @@ def run(*words):
 
 
 def test_the_optimum_loses_nothing_to_the_optimum_and_others_lose():
+    """Catches regret that is charged to optimal play, or not to bad play."""
     scenario = load_scenario("tad")[1]
     contest = contest_of(scenario, "optimal", "pursuer", 16, 7)
     best = play_pair(contest, "optimal", "optimal")
@@ -66,6 +67,7 @@ def test_the_optimum_loses_nothing_to_the_optimum_and_others_lose():
 
 @pytest.mark.parametrize("game", ["pe", "tad"])
 def test_the_worst_game_as_a_scenario_has_the_same_regret(game, policy_file):
+    """Catches a worst game that is not the game played."""
     contest = contest_of(load_scenario(game)[1], "policy.py:choose", "pursuer", 10, 3)
     played = play_pair(contest, "policy.py:choose", "optimal")
     won = [row for row in worst_rows(played, 10) if played.end[row] == End.CAPTURED]
@@ -92,6 +94,7 @@ def test_frpn_turns_by_the_acceleration_of_its_paper():
 
 
 def test_frpn_flies_a_multicopter_to_the_height_of_the_disc():
+    """Catches a navigation law of the league that stays level below or above the disc."""
     contest = contest_of(load_scenario("hover_chase")[1], "optimal", "pursuer", 8, 7)
     assert contest.players[-1] == FRPN_LEVEL
     assert np.abs(play_pair(contest, FRPN_LEVEL, "optimal").regret).max() < 0.05
@@ -100,6 +103,7 @@ def test_frpn_flies_a_multicopter_to_the_height_of_the_disc():
 def test_the_command_prints_the_same_twice_and_its_scenarios_are_scenarios(
     policy_file, monkeypatch
 ):
+    """Catches a league whose output depends on more than its seed, or writes scenarios that cannot be read."""
     monkeypatch.setattr("guidance.league.contest.built_in_policies", lambda *_: ("optimal",))
     words = ("policy.py:choose", "--games", "12", "--seed", "7", "--json")
     first = run(*words, "--out", "once")

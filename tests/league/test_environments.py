@@ -33,6 +33,7 @@ def test_pettingzoos_checks_pass(scenario):
 
 @pytest.mark.parametrize("name", ["pe", "tad", "wind", "hover_chase"])
 def test_games_end_as_the_mathematics_ends_them(name):
+    """Catches environments that end a game at another time or with another winner than the mathematics."""
     scenario = load_scenario(name)[1]
     arena = arena_of(scenario)
     seeds = seeds_of(5, 12)

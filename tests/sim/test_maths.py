@@ -134,6 +134,7 @@ def mixed(count=24):
 
 
 def test_a_game_is_the_same_in_a_batch_in_any_order_and_alone():
+    """Catches a game of a sweep that depends on the rows beside it."""
     rows = mixed()
     together = play_scenarios(rows)
     backwards = play_scenarios(rows[::-1])[::-1]
@@ -163,6 +164,7 @@ def test_the_wind_carries_the_pursuer():
 
 
 def test_the_fence_holds_the_pursuer_back():
+    """Catches a fence that mathematics plays through."""
     outcome = one(limits={"fence_radius_m": 40.0}, time_limit_s=25.0)
     assert outcome.end == "time_up"
     assert outcome.limits == ("fence",)
@@ -179,6 +181,7 @@ def test_the_pursuer_stays_outside_the_disc_and_above_the_floor():
 
 @pytest.mark.parametrize("seed", range(1))
 def test_rare_late_and_noisy_reports_cost_time(seed):
+    """Catches a fault of the sensor that has no effect on the game."""
     turning = {"policy": "random_turns", "turn_every_s": 2.0, "position_m": [0.0, 40.0]}
     low = {"position_m": [0.0, 0.0, 7.0]}
     clear, rare, late, noisy = (
@@ -195,11 +198,13 @@ def test_rare_late_and_noisy_reports_cost_time(seed):
 
 
 def test_perfect_reports_at_every_cycle_are_as_good_as_seeing():
+    """Catches a delay or an error that perfect reports add."""
     seen = one().game_time_s
     assert one(sensor={"rate_hz": 50.0}).game_time_s == pytest.approx(seen, abs=0.02)
 
 
 def test_the_pursuer_waits_for_a_lost_evader_and_then_gives_up():
+    """Catches an outage that mathematics plays on through, or gives up at once."""
     back = one(sensor={"rate_hz": 5.0, "outages_s": [[2.0, 6.0]]})
     assert back.end == "captured"
     assert "evader lost" in back.events

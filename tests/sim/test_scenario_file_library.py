@@ -75,11 +75,13 @@ def played():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_a_scenario_expects_holds_in_mathematics(name):
+    """Catches a bundled scenario that no longer shows what it explains."""
     assert failed(*played()[name]) == []
 
 
 @pytest.mark.parametrize("name", TEAMS)
 def test_what_a_scenario_of_teams_expects_holds_in_mathematics(name):
+    """Catches a bundled scenario of teams that no longer shows what it explains."""
     scenario = load_any(name)[1]
     verdicts = list(scenario.expect.verdicts(summary_of(play_teams([scenario])[0])))
     assert len(verdicts) > 1

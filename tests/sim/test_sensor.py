@@ -129,6 +129,7 @@ def test_nothing_arrives_in_an_outage_after_engagement():
 @settings(max_examples=drawn(6), deadline=None)
 @given(st.integers(0, 2**31), st.sampled_from([0.1, 0.3, 0.6]))
 def test_the_share_of_lost_reports_is_the_dropout(seed, dropout):
+    """Catches a dropout that loses another share of the reports."""
     came, evader = heard(Sensor(dropout=dropout), seconds=100.0, seed=seed)
     spread = math.sqrt(1000 * dropout * (1.0 - dropout))
     assert abs(evader.counters()["lost"] - 1000 * dropout) < 5.0 * spread
@@ -136,6 +137,7 @@ def test_the_share_of_lost_reports_is_the_dropout(seed, dropout):
 
 
 def test_noise_has_the_spread_asked_for_and_is_said_to_have_it():
+    """Catches noise of another spread than the scenario says, or with a bias."""
     came, _ = heard(Sensor(position_noise_m=2.0, velocity_noise_m_s=0.5), seconds=100.0)
     true_north = np.array([2.0 * (report.sent_s - 50.0) for _, report in came])
     off = places(came)[:, :2] - np.stack([true_north, np.full_like(true_north, 5.0)], axis=-1)
@@ -157,6 +159,7 @@ def test_the_same_seed_is_the_same_noise_and_another_is_another():
 
 
 def test_mathematics_hears_the_same_reports_of_the_same_seed():
+    """Catches reports of mathematics that differ from those in flight."""
     sensor = Sensor(
         rate_hz=2.0,
         position_noise_m=1.5,

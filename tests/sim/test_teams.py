@@ -21,6 +21,7 @@ TAD = {
     "title": "two on two",
     "game": "tad",
     "target": {"position_m": [0.0, 0.0]},
+    "step_s": 0.3,
     "pursuer": [
         {"position_m": [6.0, 4.0, 5.0], "speed_m_s": 2.0},
         {"position_m": [-6.0, -5.0, 3.0], "speed_m_s": 2.5},
@@ -111,6 +112,7 @@ def test_every_evader_has_a_row_that_holds_what_the_matching_promised():
 
 
 def test_pe_is_held_against_the_time_that_is_guaranteed():
+    """Catches a regret of a chase by teams that is taken from another bound."""
     rows = play_teams([built(PE)])[0]
     for row in rows:
         assert row.lower_bound - 1e-6 <= row.achieved <= row.predicted + 1e-6
@@ -133,9 +135,10 @@ def test_who_is_not_matched_may_arrive_and_has_no_regret():
 
 
 def test_games_side_by_side_are_those_alone():
+    """Catches a scenario of teams that is played with the settings of the one beside it."""
     evaders = [{**TAD["evader"][0], "count": 2, "scatter_m": 5.0}]
-    many = [built(evader=evaders, seed=seed, step_s=0.3) for seed in range(3)]
-    mixed = [many[0], built(PE, step_s=0.3), *many[1:], built(step_s=0.3, hysteresis=1.0)]
+    many = [built(evader=evaders, seed=seed) for seed in range(3)]
+    mixed = [many[0], built(PE), *many[1:], built(hysteresis=1.0)]
     alone = [play_teams([one])[0] for one in mixed]
     for rows, single in zip(play_teams(mixed), alone, strict=True):
         assert [str(row) for row in rows] == [str(row) for row in single]
@@ -154,6 +157,7 @@ def test_more_players_of_a_table_leave_the_others_where_they_are():
 
 
 def test_policies_are_played():
+    """Catches a policy of a scenario of teams that is read and not played."""
     straight = play_teams(
         [built(evader=[{**one, "policy": "task_oriented"} for one in TAD["evader"]])]
     )[0]
@@ -167,6 +171,7 @@ def test_policies_are_played():
 
 
 def test_the_command_prints_a_row_for_each_evader_and_writes_them(tmp_path):
+    """Catches a command that leaves out an evader, or passes when an expectation fails."""
     path = written(tmp_path, extra="[expect]\nguaranteed = { min = 1 }\n")
     done = guidance("run", path, "--out", tmp_path, "--seed", "4")
     assert done.exit_code == 0, done.output
@@ -200,6 +205,7 @@ def test_a_team_that_cannot_fly_is_refused_with_the_vehicle_and_the_key(tmp_path
 
 
 def test_show_explains_teams_and_draws_them(tmp_path):
+    """Catches a scenario of teams that cannot be shown."""
     done = guidance("show", "teams_breakthrough", "--out", tmp_path / "a.png")
     assert done.exit_code == 0, done.output
     assert "target-attacker-defender, of teams" in done.output
@@ -213,6 +219,7 @@ def test_show_explains_teams_and_draws_them(tmp_path):
 
 
 def test_pe_of_teams_is_drawn_and_a_picture_that_cannot_be_written_is_said(tmp_path):
+    """Catches a chase by teams that cannot be drawn, without a target."""
     from guidance.viz.figures import draw_teams
 
     draw_teams(built(PE), tmp_path / "pe.png")
@@ -267,6 +274,7 @@ def test_a_team_defends_the_targets_shape_and_promises_what_one_pursuer_would():
 
 
 def test_the_distance_that_a_team_promises_and_takes_is_that_of_the_shape():
+    """Catches a target's shape that a team's promise or outcome ignores."""
     round_target = {"position_m": [0.0, 0.0], "radius_m": 5.0}
     point = play_teams([built()])[0][0]
     disc = play_teams([built(target=round_target)])[0][0]
@@ -277,5 +285,6 @@ def test_the_distance_that_a_team_promises_and_takes_is_that_of_the_shape():
 
 
 def test_two_scenarios_that_differ_in_their_targets_shape_are_played_each_by_itself():
+    """Catches two target shapes in one batch."""
     both = play_teams([built(AT_THE_EDGE), built({**AT_THE_EDGE, "target": TAD["target"]})])
     assert [rows[0].end for rows in both] == ["arrived", "captured"]

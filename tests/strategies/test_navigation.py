@@ -162,6 +162,7 @@ def test_it_starts_on_the_line_of_sight_and_returns_to_it_from_any_course():
 
 @pytest.mark.parametrize("game", [POINT, COPTER])
 def test_the_laws_are_as_good_as_their_names_against_an_evader_that_crosses(game):
+    """Catches a navigation law with the wrong sign or gain, which still captures."""
     run = game.evader_speed_m_s * np.array([0.0, 1.0, 0.0])
     height = game.standoff.height_m
     P = np.array([0.0, 0.0, height + 2.0])

@@ -72,6 +72,7 @@ def test_too_few_numbers_have_no_interval():
 
 
 def test_sweeps_of_two_policies_pair_row_by_row(swept):
+    """Catches rows of two sweeps that are paired wrongly, or an interval that is not Student's."""
     a = swept("a")
     b = swept("b", pursuers='"lead_pursuit"', chunk=3)
     compared = compare_sweeps(a, b, column="regret", rows=3)
@@ -181,6 +182,7 @@ def test_an_outcome_and_a_sweep_are_not_compared(swept, tmp_path):
 
 @pytest.mark.parametrize("columns", [60, 80, 120])
 def test_no_number_is_cut_in_a_narrow_terminal(swept, tmp_path, columns):
+    """Catches a number that a narrow table cuts."""
     a = swept("a")
     b = swept("b", pursuers='"pure_pursuit"')
     for name, folder in (("a.json", a), ("b.json", b)):
@@ -199,6 +201,7 @@ def test_no_number_is_cut_in_a_narrow_terminal(swept, tmp_path, columns):
 
 
 def test_outcomes_of_teams_are_compared_evader_by_evader(tmp_path):
+    """Catches outcomes of teams that are compared with another evader's."""
     scenario = load_any("teams_tad")[1]
     slower = scenario.model_copy(update={"step_s": 0.5})
     paths = []

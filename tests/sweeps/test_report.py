@@ -77,6 +77,7 @@ def swept(plan_from, tmp_path):
 
 
 def test_the_results_of_each_pair_of_policies_are_those_of_its_rows(mixed, report_of):
+    """Catches statistics of a pair of policies that are taken from other rows."""
     everything = rows_of(mixed)
     assert {"captured", "time_up", "invalid"} <= set(everything["end"])
     for found in report_of(mixed)["policies"]:
@@ -138,6 +139,7 @@ def test_reasons_of_invalid_rows_are_counted(mixed, report_of):
 
 
 def test_the_worst_rows_are_lost_games_then_those_with_the_largest_regret(mixed, report_of):
+    """Catches worst cases that are not the worst."""
     everything = rows_of(mixed)
     worst = report_of(mixed, worst=1000)["worst"]
     ends = [case["end"] for case in worst]
@@ -181,6 +183,7 @@ def test_a_worst_case_is_a_scenario_file_that_reproduces_its_row(mixed, tmp_path
 
 
 def test_pictures_are_written_as_png_and_pdf(mixed):
+    """Catches a picture of a sweep that cannot be drawn."""
     done = CliRunner().invoke(app, ["report", str(mixed.path), "--worst", "1"])
     assert done.exit_code == 0
     assert "192 of 192 rows, as maths" in done.stdout

@@ -239,6 +239,7 @@ def test_one_worker_runs_in_this_process(plan_from, tmp_path, monkeypatch):
 
 
 def test_a_missing_scheduler_is_a_link_error(plan_from, tmp_path, monkeypatch):
+    """Catches a sweep that waits for a scheduler for ever."""
     monkeypatch.setattr(running, "CONNECT_S", 0.3)
     with pytest.raises(LinkError, match="no answer from a Dask scheduler"):
         run(plan_from(), tmp_path / "out", scheduler="tcp://127.0.0.1:9")
@@ -258,6 +259,7 @@ def trusted_with(security):
 def test_a_tls_cluster_needs_its_certificate_and_computes_equal_rows(
     plan_from, tmp_path, monkeypatch
 ):
+    """Catches a cluster that is used without its certificate, or that computes other rows."""
     from distributed import (  # half a second, which collecting the tests need not take
         LocalCluster,
         Security,
@@ -400,6 +402,7 @@ def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkey
     ],
 )
 def test_several_workers_have_four_chunks_each(plan_from, tmp_path, seeds, way, workers, expected):
+    """Catches chunks so large that a worker has nothing to do."""
     plan = plan_from(SWEEP.replace("seeds = 6", f"seeds = {seeds}"), way)
     assert begin_or_continue(tmp_path / "out", plan, None, workers).chunk_rows == expected
 
@@ -475,6 +478,7 @@ def test_the_command_prints_the_folder_and_continues_a_complete_sweep(short, tmp
 
 
 def test_a_fast_sweep_flies_its_rows_and_keeps_invalid_ones(short, tmp_path):
+    """Catches a flown sweep that drops rows which allow no game."""
     (short / "sweep.toml").write_text(
         'scenario = "short.toml"\nas = "fast"\n[grid]\n"evader.speed_m_s" = [1.0, 7.0]\n'
     )

@@ -64,6 +64,7 @@ def run(plan, out, rows=3):
 
 
 def test_numbers_of_players_are_swept_and_every_evader_has_a_row(swept, tmp_path):
+    """Catches an evader without a row when numbers of players are swept."""
     plan = swept()
     run(plan, tmp_path / "out")
     table = parquet.read_table(tmp_path / "out" / "rows")
@@ -81,16 +82,8 @@ def test_numbers_of_players_are_swept_and_every_evader_has_a_row(swept, tmp_path
     assert summary_of(play_teams([scenario])[0])["guaranteed"] == table["guaranteed"][-1].as_py()
 
 
-def test_what_is_there_is_not_computed_again(swept, tmp_path):
-    plan = swept()
-    first = run(plan, tmp_path / "out")
-    assert len(first.missing) == 3
-    assert begin_or_continue(tmp_path / "out", plan, 3, 1).missing == []
-    (tmp_path / "out" / "rows" / "part-000001.parquet").unlink()
-    assert begin_or_continue(tmp_path / "out", plan, 3, 1).missing == [1]
-
-
 def test_policies_are_those_of_the_whole_team(swept, tmp_path):
+    """Catches a sweep's policy that only the first group of a team plays."""
     plan = swept(
         SWEEP + '[[policies]]\npursuer = ["optimal", "pure_pursuit"]\nevader = "task_oriented"\n'
     )
@@ -105,6 +98,7 @@ def test_policies_are_those_of_the_whole_team(swept, tmp_path):
 
 
 def test_a_row_that_allows_no_game_says_why(swept, tmp_path):
+    """Catches a row of teams without a game that ends the sweep or has no reason."""
     plan = swept(
         SWEEP.replace("uniform = [0.9, 1.1]", "choice = [1.0, 2.2]").replace(
             "seeds = 2", "seeds = 6"
@@ -119,6 +113,7 @@ def test_a_row_that_allows_no_game_says_why(swept, tmp_path):
 
 
 def test_the_report_counts_evaders_and_writes_the_worst_as_scenarios_of_teams(swept, tmp_path):
+    """Catches a report that counts games for evaders."""
     text = SWEEP.replace("seeds = 2", "seeds = 1")
     plan = swept(text + '[[policies]]\npursuer = ["optimal", "pure_pursuit"]\n')
     run(plan, tmp_path / "out", rows=16)

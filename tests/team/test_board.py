@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from guidance.team.board import Board
 from guidance.team.messages import KINDS, RefusedMessage, RolesMessage, encode
+from tests.harness.examples import drawn
 from tests.team.virtual_team import SITE, state_of
 
 NAMES = ("alpha", "bravo", "charlie")
@@ -34,9 +35,10 @@ def test_no_bytes_under_any_key_raise_or_are_used(key, payload):
     assert sum(here.counts.values()) == 1
 
 
-@settings(max_examples=200)
+@settings(max_examples=drawn(200))
 @given(st.data())
 def test_a_message_with_any_field_replaced_is_used_whole_or_refused(data):
+    """Catches a mate's message of which a part is used and another part refused."""
     plain = json.loads(encode(state_of("bravo", (10.0, 5.0, -12.0))))
     name = data.draw(st.sampled_from([*plain, "extra"]))
     values = (
@@ -73,9 +75,10 @@ def test_repeated_and_reordered_messages_and_ended_epochs_are_refused():
     assert here.counts == {"accepted": 2, "refused_order": 2, "refused_epoch": 1}
 
 
-@settings(max_examples=30)
+@settings(max_examples=drawn(80))
 @given(st.floats(-1e5, 1e5), st.lists(st.floats(0.02, 0.4), min_size=30, max_size=60))
 def test_ages_do_not_depend_on_the_senders_clock(offset_s, delays_s):
+    """Catches a mate's clock that makes its state look younger or older."""
     here = board()
     for number, delay_s in enumerate([*delays_s, 0.02]):
         true_s = 10.0 + 0.1 * number
@@ -92,9 +95,10 @@ def fly(here, places, *, dt_s=0.1, velocity=(6.0, 0.0, 0.0)):
     return mate
 
 
-@settings(max_examples=30)
+@settings(max_examples=drawn(80))
 @given(st.sets(st.integers(1, 98)))
 def test_motion_with_losses_is_never_doubted(lost):
+    """Catches a doubt about honest motion of which reports are lost."""
     here = board()
     for number in sorted(set(range(100)) - lost):
         time_s = 0.1 * number
@@ -106,9 +110,10 @@ def test_motion_with_losses_is_never_doubted(lost):
     assert here.mates["bravo"].doubt_ned_m == (0.0, 0.0, 0.0)
 
 
-@settings(max_examples=30)
+@settings(max_examples=drawn(80))
 @given(st.floats(8.0, 500.0), st.integers(2, 20))
 def test_a_misreport_stays_within_the_doubt_until_it_ends(jump_m, lasting):
+    """Catches a mate that is somewhere else than its reports say, outside of the doubt that is kept."""
     here = board()
     true = [0.6 * number for number in range(40)]
     false = [at + jump_m if 10 <= number < 10 + lasting else at for number, at in enumerate(true)]

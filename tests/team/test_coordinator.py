@@ -72,6 +72,7 @@ def test_vehicles_at_one_evader_are_stacked():
 @FEW
 @given(st.integers(0, 999), st.floats(0.0, 0.3), st.floats(0.0, 0.15), st.sampled_from([*TEAM]))
 def test_after_a_kill_the_next_name_takes_over_with_the_same_promises(seed, loss, delay_s, killed):
+    """Catches promises that are lost with the leader."""
     team = virtual(delay_s=delay_s, jitter_s=delay_s, loss=loss, seed=seed)
     team.run(3.0)
     team.points[killed].killed = True
@@ -98,6 +99,7 @@ def test_a_silent_coordinator_is_replaced_within_a_second_and_a_half():
 @FEW
 @given(st.integers(0, 999), st.floats(1.5, 10.0), st.sampled_from([*TEAM]))
 def test_after_a_split_heals_all_follow_the_newest_term(seed, seconds, alone):
+    """Catches two leaders that stay after a split has healed."""
     team = virtual(delay_s=0.03, jitter_s=0.05, loss=0.1, seed=seed)
     team.run(3.0)
     team.network.cut = {alone}
@@ -143,6 +145,7 @@ grounds = st.tuples(st.floats(-90.0, 90.0), st.floats(-90.0, 90.0), st.just(0.0)
 def test_promises_are_monotone_and_vehicles_agree_whatever_happens(
     vehicles, evaders, target, seed, happenings
 ):
+    """Catches an order of losses, splits and captures after which a promise is withdrawn or two vehicles disagree."""
     places = dict(zip(TEAM, vehicles, strict=False))
     team = virtual(
         places,
