@@ -158,7 +158,10 @@ def running(
             udp = None
             if "udp" in over:
                 udp = port if port else _free_ports(flavours, stack)
-            zenoh = _zenoh_port(over, port, udp)
+            # The Zenoh endpoint has the given port only if UDP does not.
+            zenoh = None
+            if "zenoh" in over:
+                zenoh = port if udp is None else 0
             if lockstep:
                 pace = ["--lockstep"]
             else:
@@ -167,11 +170,15 @@ def running(
                 pace += ["--px4-zenoh", px4_zenoh]
             process = _start(folder, udp, zenoh, pace)
             stack.callback(end, process)
-            line = _first_line(process)
+            # The "ready" line; empty if the child ended, None if it took too long.
+            line = None
+            if process.stdout is not None and select.select([process.stdout], [], [], START_S)[0]:
+                line = process.stdout.readline()
             if line:
-                yield RunningFleet(
-                    _addresses(json.loads(line), _targets(udp, flavours)), process, folder / _ERRORS
-                )
+                ports = {} if udp is None else udp_ports(udp, flavours)
+                targets = {name: target for name, (_, target) in ports.items()}
+                addresses = _addresses(json.loads(line), targets)
+                yield RunningFleet(addresses, process, folder / _ERRORS)
                 return
             end(process)
             if process.returncode != _PORT_TAKEN:
@@ -181,13 +188,6 @@ def running(
         if line is None:
             why = f"it gave no address within {START_S:g} s; the machine may be too busy"
         raise error(_last_words(folder / _ERRORS) or why)
-
-
-def _zenoh_port(over: Sequence[Over], port: int, udp: int | None) -> int | None:
-    """Return the port of the Zenoh endpoint: the given one without UDP, else any; None without an endpoint."""
-    if "zenoh" not in over:
-        return None
-    return port if udp is None else 0
 
 
 def end(process: subprocess.Popen[str]) -> None:
@@ -230,20 +230,6 @@ def _last_words(log: Path) -> str:
     """Return the last error or line in a child's log."""
     output = log.read_text(encoding="utf-8", errors="replace").strip()
     return output.rpartition("error: ")[2] if "error: " in output else output.rpartition("\n")[2]
-
-
-def _first_line(process: subprocess.Popen[str]) -> str | None:
-    """Return the "ready" line; empty if the child ended, None if it took too long."""
-    if process.stdout is None or not select.select([process.stdout], [], [], START_S)[0]:
-        return None
-    return process.stdout.readline()
-
-
-def _targets(port: int | None, flavours: Mapping[str, str]) -> dict[str, int]:
-    """Return each vehicle's target port."""
-    if port is None:
-        return {}
-    return {name: target for name, (_, target) in udp_ports(port, flavours).items()}
 
 
 def _addresses(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, RunningVehicle]:

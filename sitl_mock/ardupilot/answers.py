@@ -101,49 +101,27 @@ def answer_calibration(commander: ArduPilot, command: Command) -> Answers:
     gyro, _, baro, _, accel, motors, _ = (
         int(value) if abs(value) < 1e6 else 0 for value in command.params
     )
-    for chosen, answer in (
-        (gyro == 1, _gyro),
-        (baro == 1, _baro),
-        (accel, _accel),
-        (motors == 1, _motors),
-    ):
-        if chosen:
-            return answer(commander, accel)
-    return (CommandAnswer(Result.UNSUPPORTED),)
-
-
-def _say(commander: ArduPilot, *texts: str) -> None:
+    # The first sensor that the command names is calibrated.
+    answers: Answers = (CommandAnswer(Result.ACCEPTED),)
+    texts: Sequence[str] = ()
+    if gyro == 1:
+        texts = ("Initialising ArduPilot",)
+    elif baro == 1:
+        texts = ("Updating barometer calibration", "Barometer calibration complete")
+        answers = (CommandAnswer(Result.IN_PROGRESS), CommandAnswer(Result.ACCEPTED, delay_s=1.0))
+    elif accel == _ACCEL:
+        texts = ("Initialising ArduPilot", "Place vehicle level and press any key.")
+    elif accel == _LEVEL:
+        texts = ("Initialising ArduPilot", "Trim OK: roll=0.01 pitch=-0.00 yaw=0.00")
+    elif accel == _SIMPLE:
+        answers = (CommandAnswer(Result.TEMPORARILY_REJECTED),)
+    elif not accel and motors == 1:
+        texts = ("Starting calibration", "Current")
+    else:
+        answers = (CommandAnswer(Result.UNSUPPORTED),)
     for text in texts:
         commander.state.say(Severity.INFO, text)
-
-
-def _gyro(commander: ArduPilot, _accel: int) -> Answers:
-    _say(commander, "Initialising ArduPilot")
-    return (CommandAnswer(Result.ACCEPTED),)
-
-
-def _baro(commander: ArduPilot, _accel: int) -> Answers:
-    _say(commander, "Updating barometer calibration", "Barometer calibration complete")
-    return (CommandAnswer(Result.IN_PROGRESS), CommandAnswer(Result.ACCEPTED, delay_s=1.0))
-
-
-def _accel(commander: ArduPilot, accel: int) -> Answers:
-    if accel == _SIMPLE:
-        return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
-    if accel not in {_ACCEL, _LEVEL}:
-        return (CommandAnswer(Result.UNSUPPORTED),)
-    last = (
-        "Place vehicle level and press any key."
-        if accel == _ACCEL
-        else "Trim OK: roll=0.01 pitch=-0.00 yaw=0.00"
-    )
-    _say(commander, "Initialising ArduPilot", last)
-    return (CommandAnswer(Result.ACCEPTED),)
-
-
-def _motors(commander: ArduPilot, _accel: int) -> Answers:
-    _say(commander, "Starting calibration", "Current")
-    return (CommandAnswer(Result.ACCEPTED),)
+    return answers
 
 
 ANSWERED_WITH_ONE: Mapping[int, Result] = MappingProxyType(

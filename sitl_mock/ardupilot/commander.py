@@ -208,7 +208,27 @@ class ArduPilot:
         """Run the checks when due; return the setpoint of the flown mode."""
         if now_s >= self._check_s + CHECK_S - 1e-9:
             self._check_s = now_s
-            self._check()
+            state = self.state
+            if state.home_m is None and state.estimator.global_valid:
+                self.set_home(state.position_m)
+                state.say(Severity.INFO, "EKF3 IMU0 is using GPS")
+            self._look()
+            is_flying = state.armed and self.mode == "AUTO" and not self.mission.over
+            self.plans.in_flight = is_flying
+            if self.plans.news:
+                if not self.mission.count:
+                    self.mission.forget()
+                report_totals(state, self.plans)
+            if self.plans.old_messages:
+                warn_of_old_messages(state, self.plans, self._warned)
+            if self.firmware.flies:
+                self._hear_switch()
+            if state.armed:
+                self._act_on_failsafes()
+                if self.firmware.flies and safety.disarms_by_itself(
+                    state, self.mode, taking_off=self.flight.taking_off
+                ):
+                    self.disarm()
         if not self.state.armed:
             return _STOPPED
         setpoint = self.firmware.flights[self.mode](self)
@@ -249,29 +269,6 @@ class ArduPilot:
 
     def _look(self) -> None:
         self.met_needs = safety.available(self.state, self.plans)
-
-    def _check(self) -> None:
-        state = self.state
-        if state.home_m is None and state.estimator.global_valid:
-            self.set_home(state.position_m)
-            state.say(Severity.INFO, "EKF3 IMU0 is using GPS")
-        self._look()
-        is_flying = state.armed and self.mode == "AUTO" and not self.mission.over
-        self.plans.in_flight = is_flying
-        if self.plans.news:
-            if not self.mission.count:
-                self.mission.forget()
-            report_totals(state, self.plans)
-        if self.plans.old_messages:
-            warn_of_old_messages(state, self.plans, self._warned)
-        if self.firmware.flies:
-            self._hear_switch()
-        if state.armed:
-            self._act_on_failsafes()
-            if self.firmware.flies and safety.disarms_by_itself(
-                state, self.mode, taking_off=self.flight.taking_off
-            ):
-                self.disarm()
 
     def _act_on_failsafes(self) -> None:
         """Let new triggers change the mode, once each until they are gone."""

@@ -10,7 +10,6 @@ import math
 import struct
 from dataclasses import replace
 from functools import partial
-from itertools import takewhile
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot.commander import ArduPilot
@@ -124,7 +123,10 @@ def packed_parameters(parameters: ParameterStore, query: str = "") -> bytes:
     last = ""
     for name in names:
         kind, form = _TYPES[parameters.definitions[name].kind]
-        common = min(_shared(last, name), len(name) - 1, 15)
+        # Letters shared with the last name are not repeated; at least one letter is sent.
+        common = 0
+        while common < min(len(name) - 1, 15) and name[common] == last[common : common + 1]:
+            common += 1
         suffix = name[common:].encode()
         values = [parameters[name]]
         if with_defaults and parameters[name] != parameters.default_of(name):
@@ -138,13 +140,6 @@ def packed_parameters(parameters: ParameterStore, query: str = "") -> bytes:
 
 def _whole(text: str | None) -> int:
     return int(text) if text is not None and text.isdecimal() else 0
-
-
-def _shared(first: str, second: str) -> int:
-    """Length of the common prefix of two names."""
-    return sum(
-        1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(first, second, strict=False))
-    )
 
 
 def packed_plan(plans: PlanStore, kind: PlanKind, _query: str = "") -> bytes:

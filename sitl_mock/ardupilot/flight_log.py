@@ -93,7 +93,17 @@ class ArduPilotFlightLog:
         """Write what is due; called every 20 ms."""
         state = report.state
         if state.armed != self._armed:
-            self._arm(report)
+            self._armed = state.armed
+            now_us = report.boot_us
+            if state.armed:
+                self._decide(report)
+                self._write(report, ARM.pack(now_us, 1, 1, 0, 1) + EV.pack(now_us, _ARMED_EVENT))
+            else:
+                self._disarmed_s = state.now_s
+                self._write(report, ARM.pack(now_us, 0, 0, 0, 1) + EV.pack(now_us, _DISARMED_EVENT))
+                if state.parameters.get("LOG_FILE_DSRMROT", 0) == 1:
+                    self._disarmed_s = -math.inf
+                    self._book.end()
         if state.now_s < self._next_s - 1e-9:
             return
         self._next_s = max(self._next_s + _STEP_S, state.now_s)
@@ -108,7 +118,17 @@ class ArduPilotFlightLog:
                 records.append(MODE.pack(now_us, mode, mode, _BY_COMMAND))
             changed = self._parameters.changed(state.parameters)
             records += [_parameter(report, name) for name in changed]
-            records += self._due(report)
+            # The motion; not when a huge setpoint overflows a float.
+            try:
+                motion = [_attitude(report), _position(report), _estimate(report), _battery(report)]
+                motion += _control(report)
+                if self._step % _GPS_STEPS == 0:
+                    motion.append(_receiver(report))
+                if report.setpoint.kind is SetpointKind.STREAM:
+                    motion.append(_target(report))
+                records += motion
+            except (OverflowError, ValueError, struct.error):
+                pass
             self._write(report, b"".join(records))
         self._step += 1
 
@@ -148,37 +168,8 @@ class ArduPilotFlightLog:
             self._mode = -1
             self._book.begin(f"/logs/{number:08}.BIN", report.unix_us * 1e-6, b"".join(head))
 
-    def _arm(self, report: Report) -> None:
-        """Write that it is armed or disarmed."""
-        state = report.state
-        self._armed = state.armed
-        now_us = report.boot_us
-        if not state.armed:
-            self._disarmed_s = state.now_s
-            records = ARM.pack(now_us, 0, 0, 0, 1) + EV.pack(now_us, _DISARMED_EVENT)
-            self._write(report, records)
-            if state.parameters.get("LOG_FILE_DSRMROT", 0) == 1:
-                self._disarmed_s = -math.inf
-                self._book.end()
-            return
-        self._decide(report)
-        self._write(report, ARM.pack(now_us, 1, 1, 0, 1) + EV.pack(now_us, _ARMED_EVENT))
-
     def _write(self, report: Report, records: bytes) -> None:
         self._book.add(report.unix_us * 1e-6, records)
-
-    def _due(self, report: Report) -> list[bytes]:
-        """Return the records of this step; none if a huge setpoint overflows a float."""
-        try:
-            records = [_attitude(report), _position(report), _estimate(report), _battery(report)]
-            records += _control(report)
-            if self._step % _GPS_STEPS == 0:
-                records.append(_receiver(report))
-            if report.setpoint.kind is SetpointKind.STREAM:
-                records.append(_target(report))
-        except (OverflowError, ValueError, struct.error):
-            return []
-        return records
 
 
 def _parameter(report: Report, name: str) -> bytes:

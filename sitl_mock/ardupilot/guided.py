@@ -59,7 +59,13 @@ def _setpoint_of(state: VehicleState, target: Target) -> Setpoint | None:
     has_acceleration = not mask & IGNORE_ACCELERATION
     if mask & FORCE and has_acceleration:
         return None
-    position = _local_position(state, target) if has_position else IGNORED
+    position = IGNORED
+    if has_position:
+        position = target.position_m
+        if target.frame in _BODY:
+            position = turned(position, state.yaw_rad)
+        if target.frame in _FROM_HERE:
+            position += state.position_m
     velocity = _axes(state, target, target.velocity_m_s, mask & IGNORE_VELOCITY)
     acceleration = _axes(state, target, target.acceleration_m_s2, mask & IGNORE_ACCELERATION)
     values: list[float] = []
@@ -119,13 +125,6 @@ def _axes(state: VehicleState, target: Target, vector: Vector, ignored_bits: int
     return vector
 
 
-def _local_position(state: VehicleState, target: Target) -> Vector:
-    position = target.position_m
-    if target.frame in _BODY:
-        position = turned(position, state.yaw_rad)
-    return position + state.position_m if target.frame in _FROM_HERE else position
-
-
 _NAN: Final = math.nan
 _IGNORE_YAW_RATE = 4
 _IGNORE_THRUST = 64
@@ -154,7 +153,16 @@ def read_attitude(parameters: Mapping[str, float], message: Any) -> Setpoint | N
     rate = 0.0 if mask & _IGNORE_YAW_RATE else message.body_yaw_rate
     if not math.isfinite(rate):
         return None
-    climb_m_s, thrust = _vertical(parameters, message.thrust)
+    # By thrust or, with a thrust of NaN, by climb rate.
+    share = min(max(message.thrust, 0.0), 1.0)
+    if int(parameters["GUID_OPTIONS"]) & _THRUST_IS_THRUST:
+        climb_m_s = 0.0
+        thrust = share
+    else:
+        climb_share = 2.0 * (share - 0.5)
+        fastest = parameters["WPNAV_SPEED_UP" if climb_share > 0.0 else "WPNAV_SPEED_DN"] * 0.01
+        climb_m_s = climb_share * fastest
+        thrust = _NAN
     return Setpoint(
         Kind.ATTITUDE,
         velocity_ned_m_s=Vector((_NAN, _NAN, -climb_m_s)),
@@ -175,12 +183,3 @@ def _lean(w: float, x: float, y: float, z: float) -> tuple[float, float]:
     if level > 1e-9:
         return (north * angle / level, east * angle / level)
     return (0.0, 0.0)
-
-
-def _vertical(parameters: Mapping[str, float], thrust: float) -> tuple[float, float]:
-    """Climb rate and thrust; the thrust is NaN if the climb rate applies."""
-    if int(parameters["GUID_OPTIONS"]) & _THRUST_IS_THRUST:
-        return 0.0, min(max(thrust, 0.0), 1.0)
-    share = 2.0 * (min(max(thrust, 0.0), 1.0) - 0.5)
-    fastest = parameters["WPNAV_SPEED_UP" if share > 0.0 else "WPNAV_SPEED_DN"] * 0.01
-    return share * fastest, _NAN

@@ -11,14 +11,13 @@ from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import Result, ardupilot_identity
 
 if TYPE_CHECKING:
-    from sitl_mock.protocols import Identity, PlanStore
     from sitl_mock.vehicle.flavour import Flavour
-    from sitl_mock.vehicle.state import VehicleState
 
 _MORE_COMMANDS: Final = {188: Result.FAILED, 5300: Result.ACCEPTED}
 """DO_RETURN_PATH_START, which fails without such a path, and DO_SET_SAFETY_SWITCH_STATE."""
 _MORE_ITEMS: Final = frozenset({188, 195, 197})
 """DO_RETURN_PATH_START, DO_SET_ROI_LOCATION and DO_SET_ROI_NONE in missions."""
+_FIRMWARE: Final = replace(COPTER, answers=_MORE_COMMANDS, banner="ArduCopter V4.7.0")
 _MORE_MESSAGES: Final = frozenset({"AVAILABLE_MODES", "FLIGHT_INFORMATION", "HIGHRES_IMU"})
 
 
@@ -31,19 +30,8 @@ def arducopter_4_7(recorded: Flavour, version: str) -> Flavour:
         title="ArduCopter 4.7 quadrotor",
         parameters=parameters_of("arducopter", version),
         mission_rules=replace(rules, commands=rules.commands | _MORE_ITEMS),
-        identity=_identity,
-        commander=_commander,
+        identity=lambda uid: replace(ardupilot_identity(uid), version=(4, 7, 0)),
+        commander=lambda state, plans: ArduPilot(state, plans, _FIRMWARE),
         more_commands=frozenset(_MORE_COMMANDS),
         withheld=recorded.withheld - _MORE_MESSAGES,
     )
-
-
-def _identity(uid: int) -> Identity:
-    return replace(ardupilot_identity(uid), version=(4, 7, 0))
-
-
-_FIRMWARE: Final = replace(COPTER, answers=_MORE_COMMANDS, banner="ArduCopter V4.7.0")
-
-
-def _commander(state: VehicleState, plans: PlanStore) -> ArduPilot:
-    return ArduPilot(state, plans, _FIRMWARE)

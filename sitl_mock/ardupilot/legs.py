@@ -154,19 +154,6 @@ def curve(
     return Curve(start_m, goal_m, begun_s, length_m, Rise(min(speed, reached), accel, jerk))
 
 
-def _braking(state: VehicleState) -> Curve:
-    """Return a leg whose second half brakes from the present position and velocity."""
-    speed_m_s = max(math.hypot(*state.velocity_m_s), _LEAST_M)
-    parameters = state.parameters
-    rise = Rise(
-        speed_m_s, float(parameters["WPNAV_ACCEL"]) * 0.01, float(parameters["PSC_JERK_XY"])
-    )
-    half_s = rise.lasts_s / 2.0
-    start_m = state.position_m.after(state.velocity_m_s, -half_s)
-    goal_m = state.position_m.after(state.velocity_m_s, half_s)
-    return Curve(start_m, goal_m, state.now_s - rise.lasts_s, 2.0 * speed_m_s * half_s, rise)
-
-
 @dataclass(slots=True)
 class Legs:
     """The legs being flown: the present one, the rest of the last one and the start of the next one."""
@@ -193,7 +180,18 @@ class Legs:
 
     def begin(self, state: VehicleState) -> Vector:
         """Drop all legs and brake; returns the stopping point, where the next leg begins."""
-        self._before = _braking(state)
+        # A leg whose second half brakes from the present position and velocity.
+        speed_m_s = max(math.hypot(*state.velocity_m_s), _LEAST_M)
+        parameters = state.parameters
+        rise = Rise(
+            speed_m_s, float(parameters["WPNAV_ACCEL"]) * 0.01, float(parameters["PSC_JERK_XY"])
+        )
+        half_s = rise.lasts_s / 2.0
+        start_m = state.position_m.after(state.velocity_m_s, -half_s)
+        goal_m = state.position_m.after(state.velocity_m_s, half_s)
+        self._before = Curve(
+            start_m, goal_m, state.now_s - rise.lasts_s, 2.0 * speed_m_s * half_s, rise
+        )
         self._present = self._following = None
         return self._before.goal_m
 

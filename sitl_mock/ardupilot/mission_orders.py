@@ -42,7 +42,12 @@ def obey_orders(commander: ArduPilot) -> None:
             word = "Enabled" if item.param1 else "Disabled"
             commander.state.say(Severity.INFO, f"Fence {word}")
     mission.orders.clear()
-    mission.turning = _turning(commander)
+    # The mission turns until the nose is at the heading of the last CONDITION_YAW.
+    mission.turning = False
+    turn = flight.turn
+    if turn is not None:
+        off_rad = math.remainder(turn.heading_rad - commander.state.yaw_rad, math.tau)
+        mission.turning = turn.left_rad != 0.0 or abs(off_rad) > _TURNED_RAD
 
 
 def tell_delay(commander: ArduPilot, seq: int) -> None:
@@ -55,12 +60,3 @@ def tell_delay(commander: ArduPilot, seq: int) -> None:
     if item.command == NAV_DELAY:
         seconds = int(max(item.param1, 0.0)) if math.isfinite(item.param1) else 0
         commander.state.say(Severity.INFO, f"Delaying {seconds} sec")
-
-
-def _turning(commander: ArduPilot) -> bool:
-    """True until the nose is at the heading of the last CONDITION_YAW."""
-    turn = commander.flight.turn
-    if turn is None:
-        return False
-    off_rad = math.remainder(turn.heading_rad - commander.state.yaw_rad, math.tau)
-    return turn.left_rad != 0.0 or abs(off_rad) > _TURNED_RAD

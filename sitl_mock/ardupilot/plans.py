@@ -45,7 +45,15 @@ def return_target(state: VehicleState, plans: PlanStore) -> Vector:
     """
     parameters = state.parameters
     home = state.position_m if state.home_m is None else state.home_m
-    places = list(_rally_points(state, plans, home))
+    # Places to return to: north, east and height above home of the rally points within reach.
+    places = []
+    for item in plans.rally.items:
+        place_m = state.frame.to_local(item.latitude_deg, item.longitude_deg, item.z)
+        above_m = item.z if item.frame == _GLOBAL_RELATIVE else home[2] - place_m[2]
+        if not contains(state, plans, place_m.level_with(home[2] - above_m)):
+            continue
+        if _away_m(state, place_m) < float(parameters["RALLY_LIMIT_KM"]) * 1e3:
+            places.append(place_m.level_with(above_m))
     if not places or int(parameters["RALLY_INCL_HOME"]):
         places.append(home.level_with(0.0))
     nearest = min(places, key=lambda rally_point: _away_m(state, rally_point))
@@ -56,17 +64,6 @@ def return_target(state: VehicleState, plans: PlanStore) -> Vector:
     if slope >= _LEAST_SLOPE:
         height_m = min(height_m, max(_away_m(state, nearest) * slope, least_m))
     return nearest.level_with(home[2] - height_m)
-
-
-def _rally_points(state: VehicleState, plans: PlanStore, home: Vector) -> Iterator[Vector]:
-    """Yield north, east and height above home of the rally points within reach."""
-    for item in plans.rally.items:
-        place_m = state.frame.to_local(item.latitude_deg, item.longitude_deg, item.z)
-        above_m = item.z if item.frame == _GLOBAL_RELATIVE else home[2] - place_m[2]
-        if not contains(state, plans, place_m.level_with(home[2] - above_m)):
-            continue
-        if _away_m(state, place_m) < float(state.parameters["RALLY_LIMIT_KM"]) * 1e3:
-            yield place_m.level_with(above_m)
 
 
 def _away_m(state: VehicleState, place: Vector) -> float:

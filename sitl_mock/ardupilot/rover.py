@@ -11,14 +11,6 @@ from sitl_mock.vector import Vector
 from sitl_mock.vehicle.setpoints import turned
 
 
-def _stand(_commander: ArduPilot) -> Setpoint:
-    return Setpoint(Kind.BRAKE)
-
-
-def _stay(commander: ArduPilot) -> Setpoint:
-    return Setpoint(Kind.TRAVEL, commander.flight.entered_m.level_with(math.nan))
-
-
 def _manual(commander: ArduPilot) -> Setpoint:
     sticks = commander.sticks
     fast = float(commander.state.parameters["CRUISE_SPEED"])
@@ -55,10 +47,6 @@ def _auto(commander: ArduPilot) -> Setpoint:
     return Setpoint(Kind.TRAVEL, leg.position_m.level_with(math.nan), speed_m_s=speed)
 
 
-def _guided(commander: ArduPilot) -> Setpoint:
-    return commander.guided_setpoint()
-
-
 ROVER: Final = Firmware[ArduPilot](
     modes=ROVER_MODES,
     first_mode="MANUAL",
@@ -66,11 +54,11 @@ ROVER: Final = Firmware[ArduPilot](
     execute=execute,
     flights={
         "MANUAL": _manual,
-        "HOLD": _stand,
-        "LOITER": _stay,
+        "HOLD": lambda _rover: Setpoint(Kind.BRAKE),
+        "LOITER": lambda rover: Setpoint(Kind.TRAVEL, rover.flight.entered_m.level_with(math.nan)),
         "AUTO": _auto,
         "RTL": _return,
-        "GUIDED": _guided,
+        "GUIDED": lambda rover: rover.guided_setpoint(),
     },
     flies=False,
     banner="ArduRover V4.5.7",

@@ -117,7 +117,11 @@ def calibrate_file(
     if flavour is None:
         chosen, guessed_by = guess(file, log)
     else:
-        chosen = _flavour(flavour)
+        try:
+            chosen = FlavourName(flavour)
+        except ValueError as error:
+            msg = f"--flavour {flavour}: allowed are {', '.join(FlavourName)}"
+            raise ConfigError(msg) from error
         guessed_by = ""
     answers = replay(log, vehicle_of(chosen)) if dynamics_only else fly_log(log, chosen)
     comparison = compare_log(log, chosen, answers, guessed_by)
@@ -133,11 +137,3 @@ def calibrate_file(
         console.print(table_of(comparison))
         console.print(verdict_of(comparison), soft_wrap=True)
     return 0 if comparison.passed else 1
-
-
-def _flavour(name: str) -> FlavourName:
-    try:
-        return FlavourName(name)
-    except ValueError as error:
-        msg = f"--flavour {name}: allowed are {', '.join(FlavourName)}"
-        raise ConfigError(msg) from error

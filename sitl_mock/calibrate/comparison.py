@@ -145,18 +145,14 @@ def compare_log(
         guessed_by: What told the flavour, empty where it was given.
     """
     mock = mock_velocity_ned_m_s
-    segments = tuple(
-        _segment(log, mock, segment) for segment in segments_of(log.time_s, log.command_ned_m_s)
-    )
+    segments = []
+    for segment in segments_of(log.time_s, log.command_ned_m_s):
+        n, e, d = (_axis(log, mock, segment, axis) for axis in range(3))
+        begin_s = float(log.time_s[segment.first])
+        end_s = float(log.time_s[segment.last - 1])
+        segments.append(SegmentComparison(begin_s, end_s, segment.varying, (n, e, d)))
     rms = np.sqrt(np.mean((mock - log.velocity_ned_m_s) ** 2, axis=0)).tolist()
-    return Comparison(flavour, guessed_by, segments, (rms[0], rms[1], rms[2]), mock)
-
-
-def _segment(log: StepLog, mock: Samples, segment: Segment) -> SegmentComparison:
-    rows = slice(segment.first, segment.last)
-    n, e, d = (_axis(log, mock, segment, axis) for axis in range(3))
-    time_s = log.time_s[rows]
-    return SegmentComparison(float(time_s[0]), float(time_s[-1]), segment.varying, (n, e, d))
+    return Comparison(flavour, guessed_by, tuple(segments), (rms[0], rms[1], rms[2]), mock)
 
 
 def _axis(log: StepLog, mock: Samples, segment: Segment, axis: int) -> AxisComparison:

@@ -49,7 +49,20 @@ def rows_of(content: bytes, source: str) -> list[Row]:
     """
     reader = _px4 if content.startswith(ulog.MAGIC) else _arducopter
     commands, motion = reader(content, source)
-    rows = _longest(commands, motion)
+    # The rows of the longest stretch in which a command is in force.
+    rows: list[Row] = []
+    stretch: list[Row] = []
+    index = 0
+    for command, following in pairwise(commands):
+        if command.velocity_ned_m_s is None:
+            stretch = []
+        while index < len(motion) and motion[index][0] < following.at_s:
+            at_s, *state = motion[index]
+            index += 1
+            if command.velocity_ned_m_s is not None and at_s >= command.at_s:
+                stretch.append((at_s, *command.velocity_ned_m_s, *state, command.at_s))
+        if len(stretch) > len(rows):
+            rows = list(stretch)
     if not rows:
         raise ConfigError(
             f"{source}: no flight under velocity setpoints; PX4 logs them in Offboard, ArduCopter in Guided"
@@ -140,14 +153,16 @@ def _commands(news: list[_News]) -> list[VelocityCommand]:
     """Return the commands: a target is in force in the air, in a streamed mode, until the mode or the stream ends."""
     commands = []
     streams = False
-    flies_s = -math.inf
+    flies_s = -math.inf  # from then on without the limits of a take-off
     last_s = -math.inf
     for item in sorted(news, key=lambda each: each.at_us):
         at_s = item.at_us * 1e-6
         if item.streams is not None:
             streams = item.streams
-        if item.landed is not None:
-            flies_s = _flies_s(flies_s, at_s, landed=item.landed)
+        if item.landed:
+            flies_s = math.inf
+        elif item.landed is not None and flies_s == math.inf:
+            flies_s = at_s + _TAKE_OFF_S
         if item.streams is not None or item.landed is not None:
             if not streams or at_s < flies_s:
                 commands.append(VelocityCommand(at_s, None))
@@ -163,30 +178,3 @@ def _commands(news: list[_News]) -> list[VelocityCommand]:
         commands.append(VelocityCommand(began_s, item.velocity_ned_m_s if in_force else None))
     commands.append(VelocityCommand(last_s + _LONGEST_GAP_S, None))
     return commands
-
-
-def _flies_s(before_s: float, now_s: float, *, landed: bool) -> float:
-    """Return the time from which it flies without the limits of a take-off; infinite on the ground."""
-    if landed:
-        return math.inf
-    if before_s == math.inf:
-        return now_s + _TAKE_OFF_S
-    return before_s
-
-
-def _longest(commands: list[VelocityCommand], motion: list[Row]) -> list[Row]:
-    """Return the rows of the longest stretch in which a command is in force."""
-    longest: list[Row] = []
-    stretch: list[Row] = []
-    index = 0
-    for command, following in pairwise(commands):
-        if command.velocity_ned_m_s is None:
-            stretch = []
-        while index < len(motion) and motion[index][0] < following.at_s:
-            at_s, *state = motion[index]
-            index += 1
-            if command.velocity_ned_m_s is not None and at_s >= command.at_s:
-                stretch.append((at_s, *command.velocity_ned_m_s, *state, command.at_s))
-        if len(stretch) > len(longest):
-            longest = list(stretch)
-    return longest

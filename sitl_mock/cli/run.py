@@ -1,16 +1,11 @@
 """`sitl-mock run`: a fleet in real time until it is stopped."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from sitl_mock.errors import ConfigError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from sitl_mock.serving.fleet import FleetConfig
 
 
 def run(
@@ -138,6 +133,13 @@ def run(
     (`faults?do=inject;kind=loss;probability=0.3`; `sitl-mock list faults` names them).
     """
     from sitl_mock.faults import FaultScript, read_script  # noqa: PLC0415 - not needed for `--help`
+    from sitl_mock.serving.fleet import (  # noqa: PLC0415 - as above
+        checked_fleet,
+        parse_vehicles,
+        read_fleet,
+        with_parameters,
+        with_settings,
+    )
     from sitl_mock.serving.serve import Pace, Wires, serve  # noqa: PLC0415 - as above
 
     if lockstep and speed != 1.0:
@@ -147,7 +149,13 @@ def run(
     settings = {key: value for key, value in options.items() if value is not None}
     specs = vehicles if vehicles is not None else []
     changes = param if param is not None else []
-    config = _configured(specs, flavour, fleet, settings, seed, changes)
+    if fleet is None:
+        config = checked_fleet({"vehicle": parse_vehicles(specs or ["1"], flavour)}, "--vehicles")
+    elif specs:
+        raise ConfigError(f"--fleet {fleet} and --vehicles {specs[0]}: give one of them")
+    else:
+        config = read_fleet(fleet)
+    config = with_parameters(with_settings(config, settings, seed), changes)
     script = FaultScript() if faults is None else read_script(faults)
     serve(
         config,
@@ -158,28 +166,3 @@ def run(
         pace=Pace(speed, lockstep),
         logs=logs,
     )
-
-
-def _configured(
-    specs: list[str],
-    flavour: str,
-    fleet: Path | None,
-    settings: "Mapping[str, object]",
-    seed: int | None,
-    parameters: list[str],
-) -> "FleetConfig":
-    from sitl_mock.serving.fleet import (  # noqa: PLC0415 - as above
-        checked_fleet,
-        parse_vehicles,
-        read_fleet,
-        with_parameters,
-        with_settings,
-    )
-
-    if fleet is not None:
-        if specs:
-            raise ConfigError(f"--fleet {fleet} and --vehicles {specs[0]}: give one of them")
-        config = read_fleet(fleet)
-    else:
-        config = checked_fleet({"vehicle": parse_vehicles(specs or ["1"], flavour)}, "--vehicles")
-    return with_parameters(with_settings(config, settings, seed), parameters)

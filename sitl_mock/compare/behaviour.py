@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -137,36 +137,31 @@ def differences(recorded: Behaviour, mock: Behaviour) -> list[MessageDifference]
         elif real is None and ours is not None:
             lines.append(MessageDifference("extra", name, "", "none", _often(ours)))
         elif real is not None and ours is not None:
-            lines += _of_stream(name, real, ours)
+            counted = max(real.count, ours.count) >= LEAST
+            rate_off_hz = abs(real.rate_hz - ours.rate_hz)
+            rates_differ = rate_off_hz > RATE_SHARE * max(real.rate_hz, ours.rate_hz)
+            if counted and name not in ANSWERS and rates_differ:
+                lines.append(MessageDifference("rate", name, "", _often(real), _often(ours)))
+            for phase in sorted(real.fields.keys() & ours.fields.keys()) if counted else ():
+                for label, values in real.fields[phase].items():
+                    other = ours.fields[phase].get(label)
+                    if other is None:
+                        continue
+                    kind = ""
+                    if math.isnan(values.first) != math.isnan(other.first):
+                        kind = "absent"
+                    elif values.moves != other.moves:
+                        kind = "constant"
+                    if kind:
+                        field = f"{label} ({phase})"
+                        lines.append(
+                            MessageDifference(kind, name, field, span(values), span(other))
+                        )
     return lines
 
 
 def _often(stream: Stream) -> str:
     return f"{stream.rate_hz:.2f} Hz" if stream.count >= LEAST else f"{stream.count} times"
-
-
-def _of_stream(name: str, real: Stream, ours: Stream) -> Iterator[MessageDifference]:
-    counted = max(real.count, ours.count) >= LEAST
-    if (
-        counted
-        and name not in ANSWERS
-        and abs(real.rate_hz - ours.rate_hz) > RATE_SHARE * max(real.rate_hz, ours.rate_hz)
-    ):
-        yield MessageDifference("rate", name, "", _often(real), _often(ours))
-    for phase in sorted(real.fields.keys() & ours.fields.keys()):
-        for label, values in real.fields[phase].items():
-            other = ours.fields[phase].get(label)
-            if other is not None and counted:
-                yield from _of_field(name, f"{label} ({phase})", values, other)
-
-
-def _of_field(
-    name: str, label: str, real: FieldRange, ours: FieldRange
-) -> Iterator[MessageDifference]:
-    if math.isnan(real.first) != math.isnan(ours.first):
-        yield MessageDifference("absent", name, label, span(real), span(ours))
-    elif real.moves != ours.moves:
-        yield MessageDifference("constant", name, label, span(real), span(ours))
 
 
 def span(values: FieldRange) -> str:

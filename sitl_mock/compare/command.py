@@ -14,7 +14,7 @@ from sitl_mock.compare.behaviour import (
     differences,
     span,
 )
-from sitl_mock.compare.recording import Recording, fly_recording, read_tlog
+from sitl_mock.compare.recording import fly_recording, read_tlog
 
 
 def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
@@ -28,31 +28,61 @@ def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
     mock = behaviour_of(fly_recording(recording))
     departures = differences(recorded, mock)
     if as_json:
-        typer.echo(json.dumps(_as_json(recording, recorded, mock, departures), indent=1))
+        typer.echo(
+            json.dumps(
+                {
+                    "flavour": recording.flavour,
+                    "duration_s": round(recording.end_s, 3),
+                    "one_sided": recording.one_sided,
+                    "notes": list(recording.notes),
+                    "messages": {
+                        name: {
+                            side: {"count": stream.count, "rate_hz": round(stream.rate_hz, 3)}
+                            for side, stream in (
+                                ("recorded", recorded.get(name)),
+                                ("mock", mock.get(name)),
+                            )
+                            if stream is not None
+                        }
+                        for name in sorted({*recorded, *mock})
+                    },
+                    "fields": {
+                        name: {
+                            f"{label} ({phase})": [
+                                span(values),
+                                span(mock[name].fields[phase][label]),
+                            ]
+                            for phase, fields in recorded[name].fields.items()
+                            for label, values in fields.items()
+                            if label in mock[name].fields.get(phase, {})
+                        }
+                        for name in sorted(recorded.keys() & mock.keys())
+                    },
+                    "differences": [difference._asdict() for difference in departures],
+                },
+                indent=1,
+            )
+        )
     else:
         console = Console()
         for note in recording.notes:
             console.print(f"Note: {note}.", soft_wrap=True)
-        console.print(_stream_table(recording, recorded, mock))
+        table = Table(title=f"{recording.flavour}, {recording.end_s:.0f} s: messages")
+        for column in ("message", "recorded", "Hz", "mock", "Hz"):
+            table.add_column(column, justify="left" if column == "message" else "right")
+        for name in sorted({*recorded, *mock}):
+            cells = []
+            for stream in (recorded.get(name), mock.get(name)):
+                if stream is None:
+                    cells += ["-", "-"]
+                else:
+                    cells += [str(stream.count), f"{stream.rate_hz:.2f}"]
+            table.add_row(name, *cells)
+        console.print(table)
         if ranges:
             console.print(_ranges(recorded, mock))
         console.print(_differences(departures) if departures else "No difference.")
     return 1 if departures else 0
-
-
-def _stream_table(recording: Recording, recorded: Behaviour, mock: Behaviour) -> Table:
-    table = Table(title=f"{recording.flavour}, {recording.end_s:.0f} s: messages")
-    for column in ("message", "recorded", "Hz", "mock", "Hz"):
-        table.add_column(column, justify="left" if column == "message" else "right")
-    for name in sorted({*recorded, *mock}):
-        cells = []
-        for stream in (recorded.get(name), mock.get(name)):
-            if stream is None:
-                cells += ["-", "-"]
-            else:
-                cells += [str(stream.count), f"{stream.rate_hz:.2f}"]
-        table.add_row(name, *cells)
-    return table
 
 
 def _ranges(recorded: Behaviour, mock: Behaviour) -> Table:
@@ -76,32 +106,3 @@ def _differences(found: list[MessageDifference]) -> Table:
     for difference in found:
         table.add_row(*difference)
     return table
-
-
-def _as_json(
-    recording: Recording, recorded: Behaviour, mock: Behaviour, found: list[MessageDifference]
-) -> dict[str, object]:
-    return {
-        "flavour": recording.flavour,
-        "duration_s": round(recording.end_s, 3),
-        "one_sided": recording.one_sided,
-        "notes": list(recording.notes),
-        "messages": {
-            name: {
-                side: {"count": stream.count, "rate_hz": round(stream.rate_hz, 3)}
-                for side, stream in (("recorded", recorded.get(name)), ("mock", mock.get(name)))
-                if stream is not None
-            }
-            for name in sorted({*recorded, *mock})
-        },
-        "fields": {
-            name: {
-                f"{label} ({phase})": [span(values), span(mock[name].fields[phase][label])]
-                for phase, fields in recorded[name].fields.items()
-                for label, values in fields.items()
-                if label in mock[name].fields.get(phase, {})
-            }
-            for name in sorted(recorded.keys() & mock.keys())
-        },
-        "differences": [difference._asdict() for difference in found],
-    }

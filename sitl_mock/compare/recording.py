@@ -5,7 +5,7 @@ A .tlog has frames of both directions, each behind its time (microseconds since 
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -157,19 +157,14 @@ def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, M
     vehicle.step(-STEP_S)
     decoder = Decoder()
     messages: list[tuple[float, Message]] = []
-    for at_s, frames in _steps(recording):
-        for frame in vehicle.step(at_s, frames):
+    heard = defaultdict[int, list[bytes]](list)
+    for heard_s, frame in recording.heard:
+        heard[round(heard_s / STEP_S)].append(frame)
+    for number in range(round(recording.end_s / STEP_S) + 1):
+        at_s = number * STEP_S
+        for frame in vehicle.step(at_s, heard.get(number, [])):
             messages += [(at_s, message) for message in decoder.feed(frame, whole=True)]
     return messages
-
-
-def _steps(recording: Recording) -> Iterator[tuple[float, list[bytes]]]:
-    """Yield the time of every step and the frames received until then."""
-    due = defaultdict[int, list[bytes]](list)
-    for heard_s, frame in recording.heard:
-        due[round(heard_s / STEP_S)].append(frame)
-    for number in range(round(recording.end_s / STEP_S) + 1):
-        yield number * STEP_S, due.get(number, [])
 
 
 def _home(said: list[tuple[float, Message]]) -> Home | None:
@@ -185,20 +180,6 @@ def _home(said: list[tuple[float, Message]]) -> Home | None:
     return next(homes, None)
 
 
-def _of_home_position(message: Message) -> Home | None:
-    return _home_of(message.latitude, message.longitude, message.altitude)
-
-
-def _of_global_position(message: Message) -> Home | None:
-    return _home_of(message.lat, message.lon, message.alt - message.relative_alt)
-
-
-def _of_receiver(message: Message) -> Home | None:
-    if message.fix_type < _FIX_3D:
-        return None
-    return _home_of(message.lat, message.lon, message.alt)
-
-
 def _home_of(latitude: int, longitude: int, altitude_mm: int) -> Home | None:
     """Return a place on Earth, None for 0/0, which means that there is none."""
     if not (latitude or longitude) or abs(latitude) > 900_000_000 or abs(longitude) > 1_800_000_000:
@@ -206,8 +187,12 @@ def _home_of(latitude: int, longitude: int, altitude_mm: int) -> Home | None:
     return Home(latitude * 1e-7, longitude * 1e-7, altitude_mm * 1e-3)
 
 
-_HOMES: Final = {
-    "HOME_POSITION": _of_home_position,
-    "GLOBAL_POSITION_INT": _of_global_position,
-    "GPS_RAW_INT": _of_receiver,
+_HOMES: Final[dict[str, Callable[[Message], Home | None]]] = {
+    "HOME_POSITION": lambda home: _home_of(home.latitude, home.longitude, home.altitude),
+    "GLOBAL_POSITION_INT": lambda place: _home_of(
+        place.lat, place.lon, place.alt - place.relative_alt
+    ),
+    "GPS_RAW_INT": lambda fix: (
+        _home_of(fix.lat, fix.lon, fix.alt) if fix.fix_type >= _FIX_3D else None
+    ),
 }

@@ -12,7 +12,7 @@ from sitl_mock.errors import ConfigError
 from sitl_mock.mavlink import Counts, Decoder
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from sitl_mock.mavlink import Message
@@ -134,18 +134,13 @@ def _ends_within_frame(raw: bytes, at: int) -> bool:
 
 def _next_known(raw: bytes, at: int) -> _Read | None:
     """Return the next frame that the decoder knows."""
-    for start in _magics(raw, at + _TIME.size):
+    for start in range(at + _TIME.size, len(raw)):
+        if raw[start] not in {_V1, _V2}:
+            continue
         read = _read_at(raw, start - _TIME.size)
         if read is not None and read.message is not None:
             return read
     return None
-
-
-def _magics(raw: bytes, start: int) -> Iterator[int]:
-    """Yield every place at which a frame may begin."""
-    for offset in range(start, len(raw)):
-        if raw[offset] in {_V1, _V2}:
-            yield offset
 
 
 def _time_order(raw: bytes, reads: Sequence[_Read]) -> struct.Struct:

@@ -122,23 +122,14 @@ def _param_echo(inputs: EffectInputs) -> Effect:
     return Effect(alter=alter)
 
 
-def _time_reset(inputs: EffectInputs) -> Effect:
+def _to_boot_time(inputs: EffectInputs, since_boot_s: float) -> Effect:
+    """Let the time since boot jump to a value."""
     vehicle = inputs.vehicle
     return Effect(
-        begin=lambda _now_s: vehicle.inject("time_jump_s", -vehicle.autopilot.report.boot_us * 1e-6)
-    )
-
-
-def _time_wrap(inputs: EffectInputs) -> Effect:
-    vehicle = inputs.vehicle
-    before_s = inputs.options["before_s"]
-
-    def begin(_now_s: float) -> None:
-        vehicle.inject(
-            "time_jump_s", _BOOT_WRAP_S - before_s - vehicle.autopilot.report.boot_us * 1e-6
+        begin=lambda _now_s: vehicle.inject(
+            "time_jump_s", since_boot_s - vehicle.autopilot.report.boot_us * 1e-6
         )
-
-    return Effect(begin=begin)
+    )
 
 
 CONTENT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
@@ -171,12 +162,15 @@ CONTENT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             Scope(Direction.OUT, ("PARAM_VALUE",)),
         ),
         "time_reset": FaultKind(
-            Group.LINK, "time since boot restarts at 0 in flight", _time_reset, for_s=0.0
+            Group.LINK,
+            "time since boot restarts at 0 in flight",
+            lambda inputs: _to_boot_time(inputs, 0.0),
+            for_s=0.0,
         ),
         "time_wrap": FaultKind(
             Group.LINK,
             "time_boot_ms wraps around at 2^32",
-            _time_wrap,
+            lambda inputs: _to_boot_time(inputs, _BOOT_WRAP_S - inputs.options["before_s"]),
             {"before_s": Option("seconds until then", 5.0, number(0.0, 1e6))},
             for_s=0.0,
         ),
@@ -201,10 +195,6 @@ def _of_commands(inputs: EffectInputs, alter: Alter) -> Effect:
         return sometimes(now_s, frame)
 
     return Effect(alter=check)
-
-
-def _lost(inputs: EffectInputs) -> Effect:
-    return _of_commands(inputs, lambda _now_s, _frame: ())
 
 
 def _late(inputs: EffectInputs) -> Effect:
@@ -255,7 +245,11 @@ _COMMON: Final = {"commands": _COMMANDS, "probability": _SHARE}
 ACK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
         "ack_lost": FaultKind(
-            Group.LINK, "the COMMAND_ACK is lost; the command was executed", _lost, _COMMON, _ACKS
+            Group.LINK,
+            "the COMMAND_ACK is lost; the command was executed",
+            lambda inputs: _of_commands(inputs, lambda _now_s, _frame: ()),
+            _COMMON,
+            _ACKS,
         ),
         "ack_late": FaultKind(
             Group.LINK,

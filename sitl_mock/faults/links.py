@@ -45,8 +45,9 @@ def always(alter: Alter, inputs: EffectInputs) -> Alter:
     return sometimes
 
 
-def _loss(inputs: EffectInputs) -> Effect:
-    return Effect(alter=always(lambda _now_s, _frame: (), inputs))
+def _lose(_now_s: float, _frame: bytes) -> Delayed:
+    """Lose a frame."""
+    return ()
 
 
 def _burst_loss(inputs: EffectInputs) -> Effect:
@@ -169,19 +170,15 @@ def _gap(inputs: EffectInputs) -> Effect:
     return Effect(alter=alter, advance=advance)
 
 
-def _cut(inputs: EffectInputs) -> Effect:
-    del inputs
-    return Effect(alter=lambda _now_s, _frame: (), transport="router_restart")
-
-
-def _port(inputs: EffectInputs) -> Effect:
-    del inputs
-    return Effect(transport="udp_port_change")
-
-
 LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "loss": FaultKind(Group.LINK, "frames are lost", _loss, {"probability": _SHARE}, ANY),
+        "loss": FaultKind(
+            Group.LINK,
+            "frames are lost",
+            lambda inputs: Effect(alter=always(_lose, inputs)),
+            {"probability": _SHARE},
+            ANY,
+        ),
         "burst_loss": FaultKind(
             Group.LINK,
             "frames are lost in bursts",
@@ -265,12 +262,15 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "router_restart": FaultKind(
             Group.LINK,
             "the Zenoh router restarts; in stepped time all frames are lost meanwhile",
-            _cut,
+            lambda _inputs: Effect(alter=_lose, transport="router_restart"),
             scope=Scope(Direction.BOTH),
             for_s=1.0,
         ),
         "udp_port_change": FaultKind(
-            Group.LINK, "the vehicle changes its UDP port", _port, for_s=0.0
+            Group.LINK,
+            "the vehicle changes its UDP port",
+            lambda _inputs: Effect(transport="udp_port_change"),
+            for_s=0.0,
         ),
     }
 )

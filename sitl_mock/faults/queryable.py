@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from sitl_mock.faults.faulted import Faulted
 
+_REQUESTS: Final = ("list", "kinds", "inject", "clear")
 _LIST_KEYS: Final = frozenset({"messages", "fields", "commands"})
 
 
@@ -36,10 +37,26 @@ def answer(faulted: Faulted, request: Mapping[str, Any]) -> Any:  # noqa: ANN401
     """
     values = dict(request)
     do = values.pop("do", "list")
-    handler = _REQUESTS.get(do) if isinstance(do, str) else None
-    if handler is None:
+    if do not in _REQUESTS:
         raise ConfigError(f"do = {do!r}: allowed are {', '.join(_REQUESTS)}")
-    return handler(faulted, values)
+    if do == "inject":
+        return {"number": faulted.inject(values)}
+    _only(values, ("number",) if do == "clear" else ())
+    if do == "list":
+        return list(faulted.faults())
+    if do == "clear":
+        before = len(faulted.faults())
+        faulted.clear(values.get("number"))
+        return {"cleared": 1 if "number" in values else before}
+    return {
+        name: {
+            "group": str(kind.group),
+            "meaning": kind.meaning,
+            "options": {key: option.meaning for key, option in kind.options.items()},
+            "required": [key for key, option in kind.options.items() if option.default is REQUIRED],
+        }
+        for name, kind in KINDS.items()
+    }
 
 
 def declare(session: zenoh.Session, vehicles: Mapping[str, Faulted]) -> None:
@@ -88,47 +105,9 @@ def _answerer(faulted: Faulted, key: str) -> Callable[[zenoh.Query], None]:
     return take
 
 
-def _list(faulted: Faulted, values: Mapping[str, Any]) -> Any:  # noqa: ANN401 - JSON
-    _only(values, ())
-    return list(faulted.faults())
-
-
-def _kinds(faulted: Faulted, values: Mapping[str, Any]) -> Any:  # noqa: ANN401 - JSON
-    del faulted
-    _only(values, ())
-    return {
-        name: {
-            "group": str(kind.group),
-            "meaning": kind.meaning,
-            "options": {key: option.meaning for key, option in kind.options.items()},
-            "required": [key for key, option in kind.options.items() if option.default is REQUIRED],
-        }
-        for name, kind in KINDS.items()
-    }
-
-
-def _inject(faulted: Faulted, values: Mapping[str, Any]) -> Any:  # noqa: ANN401 - JSON
-    return {"number": faulted.inject(values)}
-
-
-def _clear(faulted: Faulted, values: Mapping[str, Any]) -> Any:  # noqa: ANN401 - JSON
-    _only(values, ("number",))
-    before = len(faulted.faults())
-    faulted.clear(values.get("number"))
-    return {"cleared": 1 if "number" in values else before}
-
-
 def _only(values: Mapping[str, Any], allowed: tuple[str, ...]) -> None:
     unknown = sorted(values.keys() - set(allowed))
     if unknown:
         raise ConfigError(
             f"{unknown[0]} = {values[unknown[0]]!r}: allowed are {', '.join(('do', *allowed))}"
         )
-
-
-_REQUESTS: Final[dict[str, Callable[[Faulted, Mapping[str, Any]], Any]]] = {
-    "list": _list,
-    "kinds": _kinds,
-    "inject": _inject,
-    "clear": _clear,
-}

@@ -8,7 +8,6 @@ data and texts. Everything is little-endian and without padding.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -16,7 +15,7 @@ from sitl_mock.c_types import LETTERS
 from sitl_mock.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 MAGIC: Final = b"ULog\x01\x12\x35"
 _VERSION: Final = 1
@@ -80,6 +79,8 @@ def layout(fields: Sequence[TopicField]) -> str:
 
 
 _DATA: Final = ord("D")
+_FORMAT: Final = ord("F")
+_SUBSCRIPTION: Final = ord("A")
 
 
 def header(start_us: int) -> bytes:
@@ -129,20 +130,11 @@ def logged_text(now_us: int, severity: int, text: str) -> bytes:
     return message("L", struct.pack("<BQ", ord("0") + severity, now_us) + text.encode())
 
 
-@dataclass(slots=True)
-class _Reader:
-    """What has been read of the definitions of a file."""
-
-    source: str
-    formats: dict[str, str] = field(default_factory=dict)
-    numbers: dict[int, _Layout] = field(default_factory=dict)
-
-
 class _Layout:
     """How the selected fields of a subscribed topic lie in its data."""
 
-    def __init__(self, topic: str, text: str, names: Sequence[str]) -> None:
-        self.topic = topic
+    def __init__(self, name: str, text: str, names: Sequence[str]) -> None:
+        self.name = name
         self._fields = tuple(each for each in fields_of(text) if not each.name.startswith("_pad"))
         self._names = names
         self._struct = struct.Struct("<" + layout(self._fields))
@@ -183,17 +175,37 @@ def read(
     """
     if not content.startswith(MAGIC):
         raise ConfigError(f"{source} is not a ULog: it does not begin with {MAGIC!r}")
-    reader = _Reader(source)
     rows: dict[str, list[Any]] = {name: [] for name in selection}
+    formats: dict[str, str] = {}
+    subscribed: dict[int, _Layout] = {}
     for letter, body in _messages(content):
         if letter == _DATA:
-            subscribed = reader.numbers.get(int.from_bytes(body[:2], "little"))
-            if subscribed is not None:
-                rows[subscribed.topic].append(_row(subscribed, body, source))
-        else:
-            take = _DEFINITIONS.get(letter)
-            if take is not None:
-                take(reader, body, selection)
+            topic = subscribed.get(int.from_bytes(body[:2], "little"))
+            if topic is None:
+                continue
+            try:
+                rows[topic.name].append(topic.row(body))
+            except KeyError as error:
+                raise ConfigError(f"{source}: topic {topic.name} has no field {error}") from error
+            except struct.error as error:
+                raise ConfigError(
+                    f"{source}: data of topic {topic.name} is cut off: {error}"
+                ) from error
+        elif letter == _FORMAT:
+            name, _, text = body.decode(errors="replace").partition(":")
+            formats[name] = text
+        elif letter == _SUBSCRIPTION:
+            name = body[3:].decode(errors="replace")
+            if name not in selection or name not in formats or body[0] != 0:
+                continue
+            try:
+                selected = _Layout(name, formats[name], selection[name])
+            except (KeyError, ValueError, struct.error) as error:
+                raise ConfigError(
+                    f"{source}: topic {name} has the format {formats[name][:_SHOWN]!r}; allowed are fields of the types"
+                    f" {', '.join(LETTERS)} and arrays of them, as in float[4] q"
+                ) from error
+            subscribed[int.from_bytes(body[1:3], "little")] = selected
     return rows
 
 
@@ -206,41 +218,3 @@ def _messages(content: bytes) -> Iterator[tuple[int, bytes]]:
             return
         yield letter, content[at : at + size]
         at += size
-
-
-def _row(subscribed: _Layout, body: bytes, source: str) -> tuple[Any, ...]:
-    try:
-        return subscribed.row(body)
-    except KeyError as error:
-        raise ConfigError(f"{source}: topic {subscribed.topic} has no field {error}") from error
-    except struct.error as error:
-        raise ConfigError(
-            f"{source}: data of topic {subscribed.topic} is cut off: {error}"
-        ) from error
-
-
-def _take_format(reader: _Reader, body: bytes, _wanted: Mapping[str, Sequence[str]]) -> None:
-    name, _, text = body.decode(errors="replace").partition(":")
-    reader.formats[name] = text
-
-
-def _take_subscription(
-    reader: _Reader, body: bytes, selection: Mapping[str, Sequence[str]]
-) -> None:
-    name = body[3:].decode(errors="replace")
-    if name in selection and name in reader.formats and body[0] == 0:
-        number = int.from_bytes(body[1:3], "little")
-        text = reader.formats[name]
-        try:
-            reader.numbers[number] = _Layout(name, text, selection[name])
-        except (KeyError, ValueError, struct.error) as error:
-            raise ConfigError(
-                f"{reader.source}: topic {name} has the format {text[:_SHOWN]!r}; allowed are fields of the types"
-                f" {', '.join(LETTERS)} and arrays of them, as in float[4] q"
-            ) from error
-
-
-_DEFINITIONS: Final[dict[int, Callable[[_Reader, bytes, Mapping[str, Sequence[str]]], None]]] = {
-    ord("F"): _take_format,
-    ord("A"): _take_subscription,
-}

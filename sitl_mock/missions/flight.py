@@ -298,12 +298,6 @@ class MissionFlight:
         item = self._item()
         return self._climb is not None or (item is not None and item.command == TAKEOFF)
 
-    @property
-    def _delaying(self) -> bool:
-        """True if the present item is a NAV_DELAY."""
-        item = self._item()
-        return item is not None and item.command == NAV_DELAY
-
     def following(self, state: VehicleState) -> Leg | None:
         """Return the next leg if the vehicle does not stop at the present position."""
         items = self.plans.mission.items
@@ -321,8 +315,13 @@ class MissionFlight:
     def leg(self, state: VehicleState, entered_m: Vector) -> Leg:
         """Return the leg to fly now; advances to the next item when one is reached."""
         stay = Leg(state.position_m if state.on_ground else entered_m)
-        if not self._goes_on(state):
-            return stay
+        if self._revision != self.plans.mission.revision:
+            self._replace(state)
+        if self.skip_home:
+            self.current = max(self.current, 1)
+            # After the end of one of ArduPilot's missions another does not begin.
+            if self.over:
+                return stay
         climb = self._first_climb(state)
         if climb is not None:
             return climb
@@ -333,7 +332,12 @@ class MissionFlight:
             if item.command not in _PLACES and item.command != NAV_DELAY:
                 self._do(item)
                 continue
-            leg = self._present(state, item, stay)
+            if item.command == NAV_DELAY or _is_nowhere(item):
+                # A delay, and a position without height, keep the last leg.
+                last = stay if self._stay is None or state.on_ground else self._stay
+                leg = last._replace(waiting=True, taking_off=False, landing=False, turns=math.nan)
+            else:
+                leg = self._leg_to(state, item)
             # The items behind a condition are executed as far as conditions are met.
             while self._behind and self._met(state, self._behind[0], leg):
                 self._order(self._behind.pop(0))
@@ -348,30 +352,11 @@ class MissionFlight:
             self.over = "finished"
         return stay
 
-    def _goes_on(self, state: VehicleState) -> bool:
-        """Take an uploaded mission; False after the end of one of ArduPilot, which another does not begin."""
-        if self._revision != self.plans.mission.revision:
-            self._replace(state)
-        if not self.skip_home:
-            return True
-        self.current = max(self.current, 1)
-        return not self.over
-
     def _first_climb(self, state: VehicleState) -> Leg | None:
-        """Return the climb to the first position's height, while it lasts."""
-        if not self._delaying and self._climbing(state):
-            return self._climb
-        return None
-
-    def _present(self, state: VehicleState, item: PlanItem, stay: Leg) -> Leg:
-        """Return the leg of an item; NAV_DELAY, and a position without height, keep the last one."""
-        if item.command != NAV_DELAY and not _is_nowhere(item):
-            return self._leg_to(state, item)
-        last = stay if self._stay is None or state.on_ground else self._stay
-        return last._replace(waiting=True, taking_off=False, landing=False, turns=math.nan)
-
-    def _climbing(self, state: VehicleState) -> bool:
-        """True if the first position's height has not been reached yet."""
+        """Return the climb to the first position's height, while it lasts; a NAV_DELAY comes before it."""
+        item = self._item()
+        if item is not None and item.command == NAV_DELAY:
+            return None
         if not self._climb_judged:
             self._climb_judged = True
             first = next(
@@ -399,7 +384,7 @@ class MissionFlight:
             and state.position_m[2] - climb.position_m[2] < _HEIGHT_REACHED_M
         ):
             self._climb = None
-        return self._climb is not None
+        return self._climb
 
     def _item(self) -> PlanItem | None:
         items = self.plans.mission.items

@@ -146,7 +146,7 @@ class FtpProtocol:
             Opcode.REMOVE_DIRECTORY: self._remove_folder,
             Opcode.RENAME: self._rename,
             Opcode.CALC_FILE_CRC32: self._crc,
-            Opcode.BURST_READ_FILE: self._burst,
+            Opcode.BURST_READ_FILE: lambda request: self._read(request, BURST),
         }
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
@@ -160,8 +160,12 @@ class FtpProtocol:
         request = _Request(
             sequence, session, opcode, size, offset, raw[_HEAD.size :][: min(size, DATA)]
         )
+        serve = self._served.get(opcode)
+        if serve is None:
+            unknown = bytes((FtpError.UNKNOWN_COMMAND,))
+            return [_reply(message, request, Opcode.NAK, offset, unknown)]
         try:
-            pieces = self._serve(request)
+            pieces = serve(request)
         except _Nak as nak:
             return [_reply(message, request, Opcode.NAK, offset, nak.data)]
         last = len(pieces) - 1
@@ -169,13 +173,6 @@ class FtpProtocol:
             _reply(message, request, Opcode.ACK, at, data, after=number, complete=number == last)
             for number, (at, data) in enumerate(pieces)
         ]
-
-    def _serve(self, request: _Request) -> list[tuple[int, bytes]]:
-        """Return offset and data of each ACK."""
-        served = self._served.get(request.opcode)
-        if served is not None:
-            return served(request)
-        raise _Nak(FtpError.UNKNOWN_COMMAND)
 
     def _close(self, _request: _Request) -> list[tuple[int, bytes]]:
         self._open = None
@@ -309,9 +306,6 @@ class FtpProtocol:
         size = min(request.size or DATA, DATA)
         starts = range(request.offset, len(self._open), size)[:pieces]
         return [(start, self._open[start : start + size]) for start in starts]
-
-    def _burst(self, request: _Request) -> list[tuple[int, bytes]]:
-        return self._read(request, BURST)
 
 
 def _reply(

@@ -195,15 +195,16 @@ class MissionUpload:
         transfer = self._transfer
         partner = source_of(message)
         if transfer is None:
-            return self._repeated(message)
+            # Nobody has requested this item. It may be the last one of a finished upload, whose answer was lost.
+            is_last = self._finished == _Finished(message.mission_type, partner, message.seq)
+            result = MissionResult.ACCEPTED if is_last else MissionResult.ERROR
+            return [acknowledge(partner, result, message.mission_type)]
         if partner != transfer.partner or message.mission_type != transfer.kind:
             return []
         self._heard(now_s, transfer)
         if message.seq != transfer.wanted:  # repeated or early: requested again in its turn
-            wrong = message.seq > transfer.last
-            if wrong:
-                return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, transfer.kind)]
-            return []
+            refusal = acknowledge(partner, MissionResult.INVALID_SEQUENCE, transfer.kind)
+            return [refusal] if message.seq > transfer.last else []
         item = self._checked(transfer.kind, read_item(message))
         if isinstance(item, MissionResult):
             self._end()
@@ -215,11 +216,16 @@ class MissionUpload:
                     self._plans.set_plan(transfer.kind, (*new, *old, *transfer.tail))
             return [acknowledge(partner, item, transfer.kind)]
         transfer.items.append(item)
-        return (
-            self._ask(now_s, transfer)
-            if transfer.wanted <= transfer.last
-            else self._finish(transfer)
-        )
+        if transfer.wanted <= transfer.last:
+            return self._ask(now_s, transfer)
+        plan_items = (*transfer.head, *transfer.items, *transfer.tail)
+        self._end()
+        fault = plan_fault(transfer.kind, plan_items, any_radius=self._rules.any_radius)
+        if fault is MissionResult.ACCEPTED:
+            self._plans.set_plan(transfer.kind, plan_items, compares=self._rules.compares)
+            self._finished = _Finished(transfer.kind, transfer.partner, transfer.last)
+        texts = _REFUSED if fault is MissionResult.ERROR else ()
+        return [*texts, acknowledge(transfer.partner, fault, transfer.kind)]
 
     def _checked(self, kind: PlanKind, item: PlanItem) -> PlanItem | MissionResult:
         """Return what is stored of an item, or why it is refused."""
@@ -233,13 +239,6 @@ class MissionUpload:
             return stored
         fault = item_fault(kind, stored, self._rules.commands, any_place=self._rules.any_place)
         return stored if fault is MissionResult.ACCEPTED else fault
-
-    def _repeated(self, message: Message) -> list[Reply]:
-        """Answer an item that nobody has requested; the last item of a finished upload: its answer was lost."""
-        partner = source_of(message)
-        is_last = self._finished == _Finished(message.mission_type, partner, message.seq)
-        result = MissionResult.ACCEPTED if is_last else MissionResult.ERROR
-        return [acknowledge(partner, result, message.mission_type)]
 
     def cancel(self, message: Message) -> None:
         """Take a client's MISSION_ACK, which cancels the upload."""
@@ -279,19 +278,6 @@ class MissionUpload:
     def _ask(self, now_s: float, transfer: _Transfer) -> list[Reply]:
         transfer.asked_s = now_s
         return [(self._rules.asks_with, *transfer.partner, transfer.wanted, int(transfer.kind))]
-
-    def _finish(self, transfer: _Transfer) -> list[Reply]:
-        plan_items = (*transfer.head, *transfer.items, *transfer.tail)
-        self._end()
-        fault = plan_fault(transfer.kind, plan_items, any_radius=self._rules.any_radius)
-        if fault is MissionResult.ACCEPTED:
-            self._plans.set_plan(transfer.kind, plan_items, compares=self._rules.compares)
-            self._finished = _Finished(transfer.kind, transfer.partner, transfer.last)
-        if fault is MissionResult.ERROR:
-            texts = _REFUSED
-        else:
-            texts = ()
-        return [*texts, acknowledge(transfer.partner, fault, transfer.kind)]
 
     def _end(self) -> None:
         if self._plans.uploader is self:

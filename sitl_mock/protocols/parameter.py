@@ -417,7 +417,10 @@ class ParameterProtocol:
                 named(self._store, rules, name),
             ]
         try:
-            self._store.set(name, self._decode(item.kind, message.param_value))
+            value = message.param_value
+            if rules.bytewise and item.kind is not ParamKind.REAL32:
+                value = int(struct.unpack("<i", struct.pack("<f", value))[0])
+            self._store.set(name, value)
         except ParameterError:  # NaN would spread into every sum
             return []
         answer = named(self._store, rules, name)
@@ -425,11 +428,6 @@ class ParameterProtocol:
         if is_grouped and name not in self._store.saved:
             return [(*answer[:3], int(ParamKind.REAL32), *answer[4:])]
         return [answer]
-
-    def _decode(self, kind: ParamKind, wire: float) -> float:
-        if not self._rules.bytewise or kind is ParamKind.REAL32:
-            return wire
-        return int(struct.unpack("<i", struct.pack("<f", wire))[0])
 
     def _hash_reply(self) -> Reply:
         value = struct.unpack("<f", struct.pack("<I", self._store.hash()))[0]

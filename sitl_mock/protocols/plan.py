@@ -174,7 +174,11 @@ class PlanStore:
         self.news.add(kind)
         if kind is PlanKind.MISSION:
             if compares:
-                self.current = _first(items, self.current, before)
+                # The last item marked as current; else the present number, or the last item of a shorter mission.
+                marked = [item.seq for item in items if item.current]
+                self.current = max(min(self.current, before - 1, len(items) - 1), 0)
+                if marked:
+                    self.current = marked[-1]
             elif not items:
                 self.current = 0
 
@@ -182,20 +186,6 @@ class PlanStore:
 def _contents(items: Sequence[PlanItem]) -> bytes:
     """Return what PX4 compares: every field but which item is current."""
     return _packed([item._replace(current=0) for item in items])
-
-
-def _first(items: Sequence[PlanItem], current: int, before: int) -> int:
-    """Return the last item marked as current; without one the present number, or the last item of a shorter mission.
-
-    Args:
-        items: Of the new mission.
-        current: The present number; behind the last item when the mission is over.
-        before: Items of the old mission.
-    """
-    marked = [item.seq for item in items if item.current]
-    if marked:
-        return marked[-1]
-    return max(min(current, before - 1, len(items) - 1), 0)
 
 
 def _packed(items: Sequence[PlanItem]) -> bytes:

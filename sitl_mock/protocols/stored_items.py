@@ -89,17 +89,14 @@ def stored_by_px4(item: PlanItem) -> PlanItem | MissionResult:
         return MissionResult.UNSUPPORTED_FRAME
     if item.command not in (_PX4_OTHERS if without_place else _PX4_PLACES):
         return MissionResult.UNSUPPORTED
-    if item.command in _ROI and not _is_roi(item.param1, without_place=without_place):
+    roi_modes = _ROI_WITHOUT_PLACE if without_place else _ROI_WITH_PLACE
+    mode = int(item.param1) if math.isfinite(item.param1) else None
+    if item.command in _ROI and mode not in roi_modes:
         return MissionResult.INVALID_PARAM1
     if without_place:
         return _rewritten(item, "hHff" if item.command == _JUMP else "ffff")
     frame = 5 if item.frame in _AMSL else 6
     return _rewritten(item, _PX4_PLACES[item.command])._replace(frame=frame)
-
-
-def _is_roi(mode: float, *, without_place: bool) -> bool:
-    allowed = _ROI_WITHOUT_PLACE if without_place else _ROI_WITH_PLACE
-    return math.isfinite(mode) and int(mode) in allowed
 
 
 # -- ArduPilot ---------------------------------------------------------------------------------------------------------
@@ -207,14 +204,6 @@ def _circles(item: PlanItem) -> PlanItem:
     )
 
 
-def _timed(item: PlanItem) -> PlanItem:
-    return _rewritten(item, "H00?")._replace(param3=_signed(1.0, item.param3))
-
-
-def _landing(item: PlanItem) -> PlanItem:
-    return _rewritten(item, "H000")._replace(param4=_signed(1.0, item.param4))
-
-
 def _loiter_to_height(item: PlanItem) -> PlanItem:
     radius_m = _signed(_stored_param("H", abs(item.param2)), item.param2)
     return _rewritten(item, "000?")._replace(param2=radius_m)
@@ -233,8 +222,8 @@ def _engine(item: PlanItem) -> PlanItem:
 _ARDUPILOT_SPECIAL: Final[Mapping[int, Callable[[PlanItem], PlanItem]]] = {
     17: _loiter,
     18: _circles,
-    19: _timed,
-    21: _landing,
+    19: lambda item: _rewritten(item, "H00?")._replace(param3=_signed(1.0, item.param3)),
+    21: lambda item: _rewritten(item, "H000")._replace(param4=_signed(1.0, item.param4)),
     31: _loiter_to_height,
     94: _placing,
     223: _engine,

@@ -68,15 +68,6 @@ def acknowledged(command: Command, answer: CommandAnswer) -> dict[str, Any]:
     }
 
 
-def _controlled(control: Any, setpoint: Setpoint) -> Setpoint:  # noqa: ANN401 - a record
-    """Return what a control mode from outside leaves of a setpoint: the motors stop if it says disarmed."""
-    if not control.flag_armed:
-        return _STOPPED
-    if not control.flag_multicopter_position_control_enabled:
-        return Setpoint(Kind.DIRECT, acceleration_ned_m_s2=ZERO)  # the last attitude, about level
-    return setpoint
-
-
 class Px4:
     """PX4's decisions over one vehicle.
 
@@ -332,8 +323,11 @@ class Px4:
         mode = self.external.internal(mode)
         self.look()
         if self.state.armed and mode != "LAND" and not self.can_run(mode):
-            if is_told:
-                self._say_unavailable(now_s, mode)
+            if is_told and now_s > self._refused_s + _REPORTED_AGAIN_S:
+                # At most once a second.
+                self._refused_s = now_s
+                name = TITLES.get(mode, mode.replace("_", " ").title())
+                self.state.say(Severity.CRITICAL, f"Switching to {name} is currently not available")
             return False
         self.intention = mode
         self.external.charge(mode, by_user=not self._by_executor)
@@ -344,29 +338,18 @@ class Px4:
         self._check_s = now_s
         return True
 
-    def _say_unavailable(self, now_s: float, mode: str) -> None:
-        """Report a refused mode, at most once a second."""
-        if now_s > self._refused_s + _REPORTED_AGAIN_S:
-            self._refused_s = now_s
-            name = TITLES.get(mode, mode.replace("_", " ").title())
-            text = f"Switching to {name} is currently not available"
-            self.state.say(Severity.CRITICAL, text)
-
     def look(self) -> None:
         """Check a new mission, and which needs are met now."""
-        if self.mission.judge(self.state) and not self.mission.valid:
-            self._drop_mission()
-        self.met_needs = safety.available(self.state, self.stream_s, has_mission=self.mission.valid)
+        state = self.state
+        replaced = self.mission.judge(state) and not self.mission.valid
+        if replaced and state.armed and self.mode == "MISSION":
+            # The mission in flight ends because its replacement cannot be flown.
+            self.say_no_mission()
+            if self.intention == "MISSION" and not state.on_ground:
+                self.intention = AFTER["MISSION", "mission finished"]
+                self.enter(self.intention)
+        self.met_needs = safety.available(state, self.stream_s, has_mission=self.mission.valid)
         self.verdict = self.external.verdict(self.external.flown(self.intention))
-
-    def _drop_mission(self) -> None:
-        """End a mission in flight because its replacement cannot be flown."""
-        if not self.state.armed or self.mode != "MISSION":
-            return
-        self.say_no_mission()
-        if self.intention == "MISSION" and not self.state.on_ground:
-            self.intention = AFTER["MISSION", "mission finished"]
-            self.enter(self.intention)
 
     def can_run(self, mode: str) -> bool:
         """True if the mode's needs were met at the last check."""
@@ -412,8 +395,13 @@ class Px4:
         if self._foreign_share > 0.999 and not state.on_ground:
             self._foreign_share -= 1.0
             setpoint = self._foreign
+        # What a control mode from outside leaves of the setpoint.
         if self.told_control is not None:
-            setpoint = _controlled(self.told_control, setpoint)
+            if not self.told_control.flag_armed:
+                setpoint = _STOPPED
+            elif not self.told_control.flag_multicopter_position_control_enabled:
+                # The last attitude, about level.
+                setpoint = Setpoint(Kind.DIRECT, acceleration_ned_m_s2=ZERO)
         self.ground.notice_lifting(state, now_s, setpoint)
         return setpoint
 
@@ -435,8 +423,7 @@ class Px4:
             sticks = Need.PILOT in self.met_needs and not math.isfinite(self.state.pilot.radio_s)
             if sticks and not self._sticks_known and self.intention == "HOLD":
                 self.intention = "POSCTL"
-            if not self._sticks_known:
-                self._sticks_known = sticks
+            self._sticks_known |= sticks
             self.failsafes.clear()
             self.in_failsafe = False
             self.external.failsafe_acts = False
@@ -444,9 +431,11 @@ class Px4:
             if self.mode != "TERMINATION":
                 self.enter(self.intention)
             return
-        if not self.pilot_counts:
-            self.pilot_counts = Need.PILOT in self.met_needs
-        self._pilot_takes_over(now_s)
+        self.pilot_counts |= Need.PILOT in self.met_needs
+        is_manual = self.mode in MANUAL_MODES or self.mode == "TERMINATION"
+        if not is_manual and Need.PILOT in self.met_needs and self._sticks_override():
+            state.say(Severity.INFO, "Pilot took over using sticks")
+            self.request(now_s, AFTER["any", "stick moved, COM_RC_OVERRIDE"])
         action, new = self.failsafes.update(
             now_s,
             safety.wrong(
@@ -578,17 +567,6 @@ class Px4:
             return
         self.intention = self.external.after_disarming(self._after_disarming)
         self.enter(self.intention)
-
-    def _pilot_takes_over(self, now_s: float) -> None:
-        if (
-            self.mode in MANUAL_MODES
-            or Need.PILOT not in self.met_needs
-            or self.mode == "TERMINATION"
-        ):
-            return
-        if self._sticks_override():
-            self.state.say(Severity.INFO, "Pilot took over using sticks")
-            self.request(now_s, AFTER["any", "stick moved, COM_RC_OVERRIDE"])
 
     def _sticks_override(self) -> bool:
         """True if the pilot moves the sticks far enough, or since v1.18 fast enough, to take over."""

@@ -144,17 +144,15 @@ SECOND_ACK_S: Final = 0.02
 """The commander answers in its own cycle, after the MAVLink receiver."""
 
 
-def _plain_answer(command: Command) -> Answers:
-    """Answer a command that changes nothing."""
-    first = command.params[0]
-    by_first = _WITH_NAN if math.isnan(first) else _WITH_ONE if first == 1.0 else {}
-    return by_first.get(command.number, PLAIN.get(command.number, UNSUPPORTED))
-
-
 def execute(px4: Px4, now_s: float, command: Command) -> Answers:
     """Execute or refuse a command."""
     handler = _HANDLERS.get(command.number)
-    return _plain_answer(command) if handler is None else handler(px4, now_s, command)
+    if handler is not None:
+        return handler(px4, now_s, command)
+    # A command that changes nothing.
+    first = command.params[0]
+    by_first = _WITH_NAN if math.isnan(first) else _WITH_ONE if first == 1.0 else {}
+    return by_first.get(command.number, PLAIN.get(command.number, UNSUPPORTED))
 
 
 def _granted(granted: bool) -> Answers:

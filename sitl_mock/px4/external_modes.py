@@ -281,7 +281,10 @@ class ExternalModes:
                 unarmable |= struck
             holds_all = holds_all or not (reply.can_arm_and_run or struck)
             bits = sum(1 << STATE_OF[name] for name in struck) if struck else _EVERY_MODE
-            reasons += _reasons(reply, bits)
+            # PX4 puts the modes into the first argument of a reply's events.
+            for event in reply.events[: reply.num_events]:
+                arguments = bits.to_bytes(4, "little") + bytes(event.arguments[4:])
+                reasons.append(Event(event.id, event.log_levels, arguments.ljust(40, b"\0")))
         if silent:
             reasons.append(_arming_event("unresponsive", _CRITICAL, silent))
         return Verdict(needs, frozenset(unarmable), holds_all, tuple(reasons))
@@ -478,13 +481,6 @@ def _arming_event(name: str, levels: int, modes: int) -> Event:
     """Return PX4's own event about modes, with its arguments: the modes and the health component."""
     arguments = modes.to_bytes(4, "little") + bytes((_SYSTEM,))
     return Event(event_id(f"check_external_modes_{name}"), levels, arguments.ljust(40, b"\0"))
-
-
-def _reasons(reply: Any, modes: int) -> Iterator[Event]:  # noqa: ANN401 - a record
-    """Yield a reply's events; PX4 puts the modes into their first argument."""
-    for event in reply.events[: reply.num_events]:
-        arguments = modes.to_bytes(4, "little") + bytes(event.arguments[4:])
-        yield Event(event.id, event.log_levels, arguments.ljust(40, b"\0"))
 
 
 _NO_REPLY: Final = message_type("ArmingCheckReply").read(message_type("ArmingCheckReply").encoded())

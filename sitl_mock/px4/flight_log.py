@@ -65,30 +65,25 @@ class Px4FlightLog:
             return
         self._next_s = max(self._next_s + _STEP_S, state.now_s)
         if self._book.is_open:
-            messages = self._due(report)
+            number = self._step % _PERIOD
+            status = (state.armed, report.commander.custom_mode, report.commander.landed_state)
+            is_new = status != self._status
+            self._status = status
+            # None of this step if a huge setpoint overflows a float.
+            try:
+                messages = [pack(*build(report)) for pack, build in _DUE[number]]
+                if is_new:
+                    messages += [
+                        source.topic.pack(*source.build(report))
+                        for source in _ON_CHANGE
+                        if number % source.every
+                    ]
+            except (OverflowError, ValueError, struct.error):
+                messages = []
             changed = self._parameters.changed(state.parameters)
             messages += [_parameter(report, name) for name in changed]
             self._write(report, messages)
         self._step += 1
-
-    def _due(self, report: Report) -> list[bytes]:
-        """Return the messages of this step; none if a huge setpoint overflows a float."""
-        number = self._step % _PERIOD
-        commander = report.commander
-        status = (report.state.armed, commander.custom_mode, commander.landed_state)
-        changed = status != self._status
-        self._status = status
-        try:
-            messages = [pack(*build(report)) for pack, build in _DUE[number]]
-            if changed:
-                messages += [
-                    source.topic.pack(*source.build(report))
-                    for source in _ON_CHANGE
-                    if number % source.every
-                ]
-        except (OverflowError, ValueError, struct.error):
-            return []
-        return messages
 
     def say(self, report: Report, severity: int, text: str) -> None:
         """Write a text."""

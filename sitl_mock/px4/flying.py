@@ -1,9 +1,7 @@
 """Setpoints of PX4's automatic modes (navigator and flight tasks, default parameters)."""
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions.flight import MissionFlight
@@ -144,7 +142,16 @@ def return_home(state: VehicleState, plan: ModePlan) -> Setpoint:
         state.say(Severity.INFO, "RTL: land at destination")
         plan.stage = "land"  # RTL_LAND_DELAY 0: without a stop at RTL_DESCEND_ALT
         plan.yaw_rad = state.home_attitude.yaw_rad
-    return _RETURN[plan.stage](state, plan)
+    if plan.stage == "land":
+        return land(state, plan)
+    if plan.stage == "climb":
+        high_m = plan.entered_m.level_with(plan.height_m)
+        return Setpoint(Kind.TRAVEL, high_m, yaw_rad=plan.yaw_rad)
+    goal = home.level_with(plan.height_m)
+    plan.yaw_rad = facing(state, goal, plan.yaw_rad)
+    return Setpoint(
+        Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s)
+    )
 
 
 def _return_height(state: VehicleState, home: Vector, plan: ModePlan) -> float:
@@ -159,27 +166,6 @@ def _return_height(state: VehicleState, home: Vector, plan: ModePlan) -> float:
         cone_rad = math.radians(min(max(float(parameters["RTL_CONE_ANG"]), 1.0), 89.0))
         high_m = max(min(high_m, away_m / math.tan(cone_rad)), 2.0 * at_home_m)
     return min(home[2] - min(high_m, most_m), plan.entered_m[2])
-
-
-def _climb(_state: VehicleState, plan: ModePlan) -> Setpoint:
-    return Setpoint(
-        Kind.TRAVEL,
-        plan.entered_m.level_with(plan.height_m),
-        yaw_rad=plan.yaw_rad,
-    )
-
-
-def _cross(state: VehicleState, plan: ModePlan) -> Setpoint:
-    goal = plan.goal_m.level_with(plan.height_m)
-    plan.yaw_rad = facing(state, goal, plan.yaw_rad)
-    return Setpoint(
-        Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s)
-    )
-
-
-_RETURN: Mapping[str, Callable[[VehicleState, ModePlan], Setpoint]] = MappingProxyType(
-    {"climb": _climb, "return": _cross, "land": land}
-)
 
 
 def mission(state: VehicleState, flight: MissionFlight, plan: ModePlan) -> Setpoint:

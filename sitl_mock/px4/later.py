@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Final
 
 from sitl_mock.parameters import parameters_of
-from sitl_mock.protocols import Identity, px4_identity
+from sitl_mock.protocols import px4_identity
 from sitl_mock.vehicle.flavour import Flavour
 
 _OLD_REQUESTS: Final = frozenset({410, 519, 520, 525, 528})
@@ -27,14 +27,10 @@ def px4_1_18(recorded: Flavour, version: str) -> Flavour:
         title="PX4 1.18 quadrotor",
         parameters=parameters_of("px4", version),
         rates_hz=quick,
-        identity=_identity,
+        identity=lambda uid: replace(px4_identity(uid), version=(1, 18, 0), commit=b""),
         stream_rules=replace(recorded.stream_rules, old_requests={}),
         refused_commands=_OLD_REQUESTS,
         more_commands=_MORE,
         withheld=recorded.withheld | _DEVELOPMENT,
         takes_keys=True,
     )
-
-
-def _identity(uid: int) -> Identity:
-    return replace(px4_identity(uid), version=(1, 18, 0), commit=b"")

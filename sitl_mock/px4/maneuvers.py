@@ -103,46 +103,18 @@ class Orbit:
         if self._approaching and self._on_circle(state):
             self._approaching = False
             self._around_m_s = 0.0
-        return self._approach(state) if self._approaching else self._circle(state, dt_s)
-
-    def _from_centre(self, state: VehicleState) -> tuple[float, float, float]:
-        north = state.position_m[0] - self.centre_m[0]
-        east = state.position_m[1] - self.centre_m[1]
-        return north, east, math.hypot(north, east)
-
-    def _on_circle(self, state: VehicleState) -> bool:
-        off_m = abs(self._from_centre(state)[2] - self.radius_m)
-        high_m = abs(state.position_m[2] - self.centre_m[2])
-        return off_m < _ON_CIRCLE_M and high_m < float(state.parameters["NAV_MC_ALT_RAD"])
-
-    def _approach(self, state: VehicleState) -> Setpoint:
         north, east, away_m = self._from_centre(state)
-        if away_m > 1e-6:
-            unit = (north / away_m, east / away_m)
-        else:
-            unit = (1.0, 0.0)
-        point = Vector(
-            (
-                self.centre_m[0] + unit[0] * self.radius_m,
-                self.centre_m[1] + unit[1] * self.radius_m,
-                self.centre_m[2],
+        n, e = (north / away_m, east / away_m) if away_m > 1e-6 else (1.0, 0.0)
+        if self._approaching:
+            point = self.centre_m + Vector((n * self.radius_m, e * self.radius_m, 0.0))
+            return Setpoint(
+                Kind.TRAVEL,
+                point,
+                yaw_rad=math.atan2(-e, -n),
+                speed_m_s=float(state.parameters["MPC_XY_CRUISE"]),
             )
-        )
-        yaw = math.atan2(-unit[1], -unit[0])
-        return Setpoint(
-            Kind.TRAVEL, point, yaw_rad=yaw, speed_m_s=float(state.parameters["MPC_XY_CRUISE"])
-        )
-
-    def _circle(self, state: VehicleState, dt_s: float) -> Setpoint:
         step = float(state.parameters["MPC_ACC_HOR"]) * dt_s
         self._around_m_s += min(max(self.speed_m_s - self._around_m_s, -step), step)
-        north, east, away_m = self._from_centre(state)
-        if away_m > 1e-6:
-            n = north / away_m
-            e = east / away_m
-        else:
-            n = 1.0
-            e = 0.0
         outward = self.radius_m - away_m
         inward_m_s2 = self._around_m_s**2 / self.radius_m
         yaw, rate = self._heading(n, e)
@@ -156,6 +128,16 @@ class Orbit:
             yaw_rad=yaw,
             yaw_rate_rad_s=rate,
         )
+
+    def _from_centre(self, state: VehicleState) -> tuple[float, float, float]:
+        north = state.position_m[0] - self.centre_m[0]
+        east = state.position_m[1] - self.centre_m[1]
+        return north, east, math.hypot(north, east)
+
+    def _on_circle(self, state: VehicleState) -> bool:
+        off_m = abs(self._from_centre(state)[2] - self.radius_m)
+        high_m = abs(state.position_m[2] - self.centre_m[2])
+        return off_m < _ON_CIRCLE_M and high_m < float(state.parameters["NAV_MC_ALT_RAD"])
 
     def _heading(self, n: float, e: float) -> tuple[float, float]:
         """Heading and its rate in the direction n, e (unit vector) from the centre."""

@@ -85,9 +85,29 @@ class MessageType:
 
     def __init__(self, name: str, fields: str) -> None:
         self.name = name
-        self.fields = tuple(_fields_of(fields))
-        body, self.size = _layout(self)
-        self.memory_bytes = _memory_bytes(self)
+        described = []
+        for text in fields.split(";"):
+            kind, _, of_name = text.partition(" ")
+            element, _, count = kind.removesuffix("]").partition("[")
+            described.append(Field(element, of_name, int(count) if count else 0))
+        self.fields = tuple(described)
+        # Each value is at a multiple of its size.
+        body = ""
+        self.size = 0
+        for kind in _primitives(self):
+            size = struct.calcsize("<" + _LETTERS[kind])
+            gap = -self.size % size
+            body += "x" * gap + _LETTERS[kind]
+            self.size += gap + size
+        # In memory the largest types come first, so without gaps, and the size is a multiple of 8.
+        used = 0
+        for field in self.fields:
+            if field.kind in _ROS_TYPES:
+                element_bytes = _alignment(field.kind)
+            else:
+                element_bytes = message_type(field.kind).memory_bytes
+            used += max(field.length, 1) * element_bytes
+        self.memory_bytes: int = used + -used % 8
         padding = self.memory_bytes + PADDING - self.size
         self._read = struct.Struct("<4x" + body).unpack_from
         self._write = struct.Struct(f"<4s{body}{padding}x").pack
@@ -220,13 +240,6 @@ def names() -> Sequence[str]:
     return tuple(_table())
 
 
-def _fields_of(text: str) -> Iterator[Field]:
-    for described in text.split(";"):
-        kind, _, name = described.partition(" ")
-        element, _, count = kind.removesuffix("]").partition("[")
-        yield Field(element, name, int(count) if count else 0)
-
-
 def _elements(kind: str) -> int:
     """Number of values in one element of a type."""
     if kind in _ROS_TYPES:
@@ -245,31 +258,5 @@ def _primitives(message: MessageType) -> Iterator[str]:
                 yield from _primitives(message_type(field.kind))
 
 
-def _layout(message: MessageType) -> tuple[str, int]:
-    """Return the body for `struct`, each value at a multiple of its size, and the number of bytes."""
-    body = ""
-    at = 0
-    for kind in _primitives(message):
-        size = struct.calcsize("<" + _LETTERS[kind])
-        gap = -at % size
-        body += "x" * gap + _LETTERS[kind]
-        at += gap + size
-    return body, at
-
-
 def _alignment(kind: str) -> int:
     return struct.calcsize("<" + _LETTERS[kind]) if kind in _ROS_TYPES else 8
-
-
-def _memory_bytes(message: MessageType) -> int:
-    """Size in memory: the largest types first, so without gaps, and a multiple of 8."""
-    used = sum(
-        max(field.length, 1)
-        * (
-            _alignment(field.kind)
-            if field.kind in _ROS_TYPES
-            else message_type(field.kind).memory_bytes
-        )
-        for field in message.fields
-    )
-    return used + -used % 8

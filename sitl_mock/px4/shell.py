@@ -59,22 +59,9 @@ def ver(report: Report, arguments: Sequence[str]) -> Answer:
     """Versions: ``ver all``, or one part of it."""
     if not arguments:
         return Answer("Error, not enough parameters.\nUsage: ver <command> [arguments...]\n", 1)
-    parts = _versions(report)
-    chosen = arguments[0]
-    if chosen == "all":
-        return Answer("".join(parts.values()))
-    if chosen not in parts:
-        return Answer("ERROR [ver] unknown command\n", 1)
-    text = parts[chosen]
-    if chosen == "git":
-        text = "".join(part for part in text.splitlines(True) if "git-branch" not in part)
-    return Answer(text)
-
-
-def _versions(report: Report) -> Mapping[str, str]:
     identity = report.flavour.identity(report.state.system_id)
     version = _release(identity.version)
-    return {
+    parts = {
         "hw": "HW arch: PX4_SITL\n",
         "git": (
             f"PX4 git-hash: {identity.commit[::-1].hex()}\nPX4 version: {version}\n"
@@ -86,6 +73,15 @@ def _versions(report: Report) -> Mapping[str, str]:
         "px4guid": "PX4GUID: 1006554d49534954414c44494e4f30303030\n",
         "mcu": "UNKNOWN MCU\n",
     }
+    chosen = arguments[0]
+    if chosen == "all":
+        return Answer("".join(parts.values()))
+    if chosen not in parts:
+        return Answer("ERROR [ver] unknown command\n", 1)
+    text = parts[chosen]
+    if chosen == "git":
+        text = "".join(part for part in text.splitlines(True) if "git-branch" not in part)
+    return Answer(text)
 
 
 def _release(version: tuple[int, int, int]) -> str:
@@ -121,7 +117,13 @@ def _show(report: Report, words: Sequence[str]) -> Answer:
     pattern = words[-1].upper() if words and not words[-1].startswith("-") else "*"
     if option == "-c":
         names = [name for name in names if _is_changed(report, name)]
-    lines = [_SYMBOLS, *(_line(report, name) for name in names if _matches(name, pattern))]
+    lines = [_SYMBOLS]
+    for name in names:
+        if name != pattern and not (pattern.endswith("*") and name.startswith(pattern[:-1])):
+            continue
+        index = parameters.index[name]
+        mark = "+" if _is_changed(report, name) else " "
+        lines.append(f"x {mark} {name} [{index},{index}] : {_shown(report, name)}\n")
     count = len(parameters.names)
     total = len(parameters.definitions)
     if option == "-a":
@@ -129,16 +131,6 @@ def _show(report: Report, words: Sequence[str]) -> Answer:
     else:
         lines.append(f"\n {count}/{total} parameters used.\n")
     return Answer("".join(lines))
-
-
-def _matches(name: str, pattern: str) -> bool:
-    return name.startswith(pattern[:-1]) if pattern.endswith("*") else name == pattern
-
-
-def _line(report: Report, name: str) -> str:
-    index = report.state.parameters.index[name]
-    mark = "+" if _is_changed(report, name) else " "
-    return f"x {mark} {name} [{index},{index}] : {_shown(report, name)}\n"
 
 
 def _shown(report: Report, name: str) -> str:
@@ -218,7 +210,17 @@ def listener(report: Report, arguments: Sequence[str]) -> Answer:
     if _number(options.get("-i", "0")) != 0:
         return Answer("never published\n")
     count = min(max(_number(options.get("-n", "1")), 1), _MOST_MESSAGES)
-    body = _message(report, name)
+    source = SOURCES[name]
+    values = iter(source.build(report))
+    body = f" {name}\n"
+    for field in fields_of(source.topic.text):
+        part = [next(values) for _ in range(field.length)]
+        shown = ", ".join(_scalar(field.kind, value) for value in part)
+        if field.length > 1:
+            shown = f"[{shown}]"
+        body += f"    {field.name}: {shown}{_remark(field, part, report.boot_us)}\n"
+    if source.topic.size % _ALIGNED:
+        body += "\n"
     if count == 1 and "-i" not in options:
         return Answer(f"\nTOPIC: {name}\n{body}")
     clear = "\x1b[2J\n\x1b[H" if count > 1 else ""
@@ -231,25 +233,6 @@ def listener(report: Report, arguments: Sequence[str]) -> Answer:
 
 def _number(text: str) -> int:
     return int(text) if text.isdecimal() else 0
-
-
-def _message(report: Report, name: str) -> str:
-    source = SOURCES[name]
-    fields = tuple(fields_of(source.topic.text))
-    values = iter(source.build(report))
-    lines = [f" {name}\n"]
-    now_us = report.boot_us
-    for field in fields:
-        part = [next(values) for _ in range(field.length)]
-        lines.append(f"    {field.name}: {_value(field, part)}{_remark(field, part, now_us)}\n")
-    if source.topic.size % _ALIGNED:
-        lines.append("\n")
-    return "".join(lines)
-
-
-def _value(field: TopicField, part: Sequence[float]) -> str:
-    shown = ", ".join(_scalar(field.kind, value) for value in part)
-    return f"[{shown}]" if field.length > 1 else shown
 
 
 def _scalar(kind: str, value: float) -> str:
@@ -268,18 +251,12 @@ def _remark(field: TopicField, part: Sequence[float], now_us: int) -> str:
     if field.name == "timestamp_sample":
         return " (0 us before timestamp)" if part[0] else ""
     if field.name == "q":
-        roll, pitch, yaw = (math.degrees(angle) for angle in _euler(part))
+        w, x, y, z = part
+        roll = math.degrees(math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
+        pitch = math.degrees(math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0)))
+        yaw = math.degrees(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
         return f" (Roll: {roll:.1f} deg, Pitch: {pitch:.1f} deg, Yaw: {yaw:.1f} deg)"
     return ""
-
-
-def _euler(quaternion: Sequence[float]) -> tuple[float, float, float]:
-    w, x, y, z = quaternion
-    return (
-        math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-        math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0)),
-        math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
-    )
 
 
 COMMANDS: Final[Mapping[str, Callable[[Report, Sequence[str]], Answer]]] = {

@@ -41,20 +41,24 @@ def fly(px4: Px4) -> Setpoint:
     task = _TASKS.get(px4.mode)
     if task is not None:
         return task(px4)
-    return _manual(px4) if px4.mode in MANUAL_MODES else Setpoint(Kind.BRAKE)
-
-
-def _offboard(px4: Px4) -> Setpoint:
-    if px4.rates is not None:
-        px4.setpoint = px4.rates.advance(STEP_S)
-    return px4.setpoint if not px4.state.on_ground or px4.wants_to_climb() else IDLING
-
-
-def _manual(px4: Px4) -> Setpoint:
+    if px4.mode not in MANUAL_MODES:
+        return Setpoint(Kind.BRAKE)
     state = px4.state
     if state.on_ground and state.pilot.sticks.throttle <= _THROTTLE_WISH:
         return IDLING
     return by_stick(state, px4.plan, STEP_S, slow=px4.mode == "POSITION_SLOW")
+
+
+def _streamed(px4: Px4) -> Setpoint:
+    """The last setpoint of a stream; one of body rates turns the vehicle on."""
+    if px4.rates is not None:
+        px4.setpoint = px4.rates.advance(STEP_S)
+    return px4.setpoint
+
+
+def _offboard(px4: Px4) -> Setpoint:
+    setpoint = _streamed(px4)
+    return setpoint if not px4.state.on_ground or px4.wants_to_climb() else IDLING
 
 
 def _takeoff(px4: Px4) -> Setpoint:
@@ -134,26 +138,8 @@ def _follow(px4: Px4) -> Setpoint:
     return Setpoint(Kind.BRAKE) if follow is None else follow.fly(px4.state, STEP_S)
 
 
-def _hold(px4: Px4) -> Setpoint:
-    return flying.hold(px4.state, px4.plan)
-
-
-def _return(px4: Px4) -> Setpoint:
-    return flying.return_home(px4.state, px4.plan)
-
-
-def _external(px4: Px4) -> Setpoint:
-    if px4.rates is not None:
-        px4.setpoint = px4.rates.advance(STEP_S)
-    return px4.setpoint
-
-
 def _land(px4: Px4) -> Setpoint:
     return flying.land(px4.state, px4.plan)
-
-
-def _descend(px4: Px4) -> Setpoint:
-    return flying.descend(px4.state, px4.plan)
 
 
 _TASKS: Final[Mapping[str, Callable[[Px4], Setpoint]]] = MappingProxyType(
@@ -161,14 +147,14 @@ _TASKS: Final[Mapping[str, Callable[[Px4], Setpoint]]] = MappingProxyType(
         "OFFBOARD": _offboard,
         "TAKEOFF": _takeoff,
         "MISSION": _mission,
-        "HOLD": _or_from_the_ground(_hold),
+        "HOLD": _or_from_the_ground(lambda px4: flying.hold(px4.state, px4.plan)),
         "FOLLOW": _or_from_the_ground(_follow),
         "ORBIT": _in_the_air(_orbit),
-        "RTL": _in_the_air(_return),
+        "RTL": _in_the_air(lambda px4: flying.return_home(px4.state, px4.plan)),
         "LAND": _in_the_air(_land),
         "PRECLAND": _in_the_air(_land),
-        "DESCEND": _in_the_air(_descend),
-        **dict.fromkeys(EXTERNAL, _in_the_air(_external)),
+        "DESCEND": _in_the_air(lambda px4: flying.descend(px4.state, px4.plan)),
+        **dict.fromkeys(EXTERNAL, _in_the_air(_streamed)),
     }
 )
 

@@ -16,7 +16,7 @@ from sitl_mock.vector import Vector
 from sitl_mock.vehicle.pilot import Sticks
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from sitl_mock.mavlink import Message
     from sitl_mock.protocols import Reply
@@ -78,7 +78,7 @@ SUBSCRIBED: Final[Mapping[str, str]] = {
     "vehicle_torque_setpoint": "VehicleTorqueSetpoint",
     "vehicle_visual_odometry": "VehicleOdometry",
 }
-"""Topics that PX4 takes below ``/fmu/in``; those without a handler here are checked and have no effect.
+"""Topics that PX4 takes below ``/fmu/in``; those that `_obey` does not name are checked and have no effect.
 
 PX4 v1.17 finds its own topic by the type of the message, not by the name (``zenoh status`` shows it). So the control
 mode that a program asks for becomes the vehicle's own for a moment, an executor's commands are taken from anybody, and
@@ -204,11 +204,8 @@ class TopicLink:
             self._counts["wrong_size"] += 1
             return []
         self._counts["samples"] += 1
-        handler = _HANDLERS.get(topic)
-        if handler is None:
-            return []
-        handler(cast("Px4", self._autopilot.commander), now_s, message)
-        return self._answers()
+        commander = cast("Px4", self._autopilot.commander)
+        return self._answers() if _obey(commander, now_s, topic, message) else []
 
     def _answers(self) -> list[bytes]:
         """Return what the commander has to say, as samples."""
@@ -251,74 +248,41 @@ class TopicLink:
         return [frame_of("position_setpoint_triplet", payload)]
 
 
-def _for_external_modes(topic: str) -> Callable[[Px4, float, Any], None]:
-    def handler(px4: Px4, _now_s: float, message: Any) -> None:  # noqa: ANN401 - a record
-        px4.external.take(topic, message)
-
-    return handler
-
-
-def _trajectory(px4: Px4, _now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
-    px4.take_trajectory(message)
-
-
-def _goto(px4: Px4, _now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
-    """GotoSetpoint: it must be cut to 44 bytes, since PX4 drops a whole one."""
-    if all(map(math.isfinite, message.position)):
-        yaw_rad = message.heading if message.flag_control_heading else math.nan
-        speed_m_s = (
-            message.max_horizontal_speed if message.flag_set_max_horizontal_speed else math.nan
-        )
-        px4.go_to(Vector(message.position), yaw_rad, speed_m_s)
-
-
-def _offboard(px4: Px4, now_s: float, _message: Any) -> None:  # noqa: ANN401 - as above
-    """OffboardControlMode: proof of life of a stream."""
-    px4.stream_s = now_s
-
-
-def _completed(px4: Px4, _now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
-    """ModeCompleted: programs hear each other's, since in and out are one topic inside PX4."""
-    px4.external.out.append(
-        ("mode_completed", {"result": message.result, "nav_state": message.nav_state})
-    )
-
-
-def _control_mode(px4: Px4, _now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
-    """VehicleControlMode: in force until PX4 publishes its own again."""
-    px4.told_control = message
-    px4.external.out.append(("vehicle_control_mode", message._asdict()))
-
-
-def _sticks(px4: Px4, now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
-    sticks = (message.roll, message.pitch, message.throttle, message.yaw)
-    if message.valid and all(abs(stick) <= 1.0 for stick in sticks):
-        px4.state.pilot.hear(now_s, Sticks(*sticks))
-
-
-def _command(px4: Px4, now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
-    params = tuple(getattr(message, f"param{index}") for index in range(1, 8))
-    source = (message.source_system, message.source_component)
-    command = Command(message.command, params, 0, False, source, message.confirmation)
-    if message.target_system in {0, px4.state.system_id} and message.target_component in {0, 1}:
-        px4.execute_topic(now_s, command)
-
-
-_HANDLERS: Final[Mapping[str, Callable[[Px4, float, Any], None]]] = {
-    **{
-        topic: _for_external_modes(topic)
-        for topic in (
-            "arming_check_reply",
-            "register_ext_component_request",
-            "unregister_ext_component",
-        )
-    },
-    "config_control_setpoints": _control_mode,
-    "goto_setpoint": _goto,
-    "manual_control_input": _sticks,
-    "mode_completed": _completed,
-    "offboard_control_mode": _offboard,
-    "trajectory_setpoint": _trajectory,
-    "vehicle_command": _command,
-    "vehicle_command_mode_executor": _command,
-}
+def _obey(px4: Px4, now_s: float, topic: str, message: Any) -> bool:  # noqa: ANN401 - a record
+    """Do what a sample asks for; False if its topic has no effect."""
+    match topic:
+        case "arming_check_reply" | "register_ext_component_request" | "unregister_ext_component":
+            px4.external.take(topic, message)
+        case "config_control_setpoints":
+            # VehicleControlMode is in force until PX4 publishes its own again.
+            px4.told_control = message
+            px4.external.out.append(("vehicle_control_mode", message._asdict()))
+        case "goto_setpoint":
+            # It must be cut to 44 bytes, since PX4 drops a whole one.
+            if all(map(math.isfinite, message.position)):
+                yaw_rad = message.heading if message.flag_control_heading else math.nan
+                has_speed = message.flag_set_max_horizontal_speed
+                speed_m_s = message.max_horizontal_speed if has_speed else math.nan
+                px4.go_to(Vector(message.position), yaw_rad, speed_m_s)
+        case "manual_control_input":
+            sticks = (message.roll, message.pitch, message.throttle, message.yaw)
+            if message.valid and all(abs(stick) <= 1.0 for stick in sticks):
+                px4.state.pilot.hear(now_s, Sticks(*sticks))
+        case "mode_completed":
+            # Programs hear each other's, since in and out are one topic inside PX4.
+            values = {"result": message.result, "nav_state": message.nav_state}
+            px4.external.out.append(("mode_completed", values))
+        case "offboard_control_mode":
+            px4.stream_s = now_s
+        case "trajectory_setpoint":
+            px4.take_trajectory(message)
+        case "vehicle_command" | "vehicle_command_mode_executor":
+            params = tuple(getattr(message, f"param{index}") for index in range(1, 8))
+            source = (message.source_system, message.source_component)
+            command = Command(message.command, params, 0, False, source, message.confirmation)
+            is_for_px4 = message.target_component in {0, 1}
+            if message.target_system in {0, px4.state.system_id} and is_for_px4:
+                px4.execute_topic(now_s, command)
+        case _:
+            return False
+    return True

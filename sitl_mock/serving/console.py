@@ -12,7 +12,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, TextIO
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from rich.table import Table
 
@@ -80,11 +80,18 @@ def welcome(
         gcs: The ground station's port.
         zenoh: Endpoint for Zenoh clients.
     """
-    lines = list(
-        _each_client(vehicles, udp)
-        if len(vehicles) <= SHORT_FLEET
-        else _each_vehicle(vehicles, udp)
-    )
+    lines = []
+    in_short = len(vehicles) > SHORT_FLEET
+    for name, vehicle in vehicles.items():
+        title = _title(vehicle)
+        if in_short:
+            lines.append(f"{title}, udpin://127.0.0.1:{udp[name]}" if name in udp else title)
+            continue
+        lines.append(title)
+        if name in udp:
+            lines += [f"  {client:<10} {line}" for client, line in client_lines(udp[name]).items()]
+    if in_short and udp:
+        lines.append("These are MAVSDK's URLs; pymavlink and MAVProxy write udpin:127.0.0.1:PORT.")
     if gcs is not None:
         lines.append(
             f"QGroundControl: opens all vehicles by itself (UDP port {gcs})"
@@ -101,22 +108,6 @@ def welcome(
 
 def _title(vehicle: Faulted) -> str:
     return f"{vehicle.name}: {vehicle.vehicle.autopilot.flavour.title}, system id {vehicle.vehicle.system_id}"
-
-
-def _each_client(vehicles: Mapping[str, Faulted], udp: Mapping[str, int]) -> Iterator[str]:
-    for name, vehicle in vehicles.items():
-        yield _title(vehicle)
-        for client, line in client_lines(udp[name]).items() if name in udp else ():
-            yield f"  {client:<10} {line}"
-
-
-def _each_vehicle(vehicles: Mapping[str, Faulted], udp: Mapping[str, int]) -> Iterator[str]:
-    for name, vehicle in vehicles.items():
-        yield (
-            f"{_title(vehicle)}, udpin://127.0.0.1:{udp[name]}" if name in udp else _title(vehicle)
-        )
-    if udp:
-        yield "These are MAVSDK's URLs; pymavlink and MAVProxy write udpin:127.0.0.1:PORT."
 
 
 def write(out: TextIO, text: str) -> bool:

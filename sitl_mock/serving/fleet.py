@@ -131,9 +131,17 @@ def checked_fleet(values: object, source: str) -> FleetConfig:
         raise ConfigError(
             f"{source}: vehicle = {entries!r}: allowed are 1 to {_MOST} tables, written as [[vehicle]]"
         )
-    vehicles = tuple(
-        _vehicle_of(entry, f"{source}: vehicle.{index}") for index, entry in enumerate(entries)
-    )
+    vehicles = []
+    for index, entry in enumerate(entries):
+        where = f"{source}: vehicle.{index}"
+        keys = table(entry, _VEHICLE, where)
+        origin = keys["origin"]
+        if origin is not None:
+            keys["origin"] = Home(**table(origin, _HOME, f"{where}.origin"))
+        signing = keys["signing"]
+        if signing is not None:
+            keys["signing"] = SigningConfig(**table(signing, _SIGNING, f"{where}.signing"))
+        vehicles.append(VehicleConfig(**keys))
     names = [vehicle.name for vehicle in vehicles]
     doubled = sorted({name for name in names if names.count(name) > 1})
     if doubled:
@@ -145,18 +153,7 @@ def checked_fleet(values: object, source: str) -> FleetConfig:
         if document["home"] is None
         else Home(**table(document["home"], _HOME, f"{source}: home"))
     )
-    return FleetConfig(vehicles, document["seed"], home)
-
-
-def _vehicle_of(values: object, where: str) -> VehicleConfig:
-    document = table(values, _VEHICLE, where)
-    origin = document["origin"]
-    signing = document["signing"]
-    document["origin"] = None if origin is None else Home(**table(origin, _HOME, f"{where}.origin"))
-    document["signing"] = (
-        None if signing is None else SigningConfig(**table(signing, _SIGNING, f"{where}.signing"))
-    )
-    return VehicleConfig(**document)
+    return FleetConfig(tuple(vehicles), document["seed"], home)
 
 
 def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
@@ -247,7 +244,16 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
     """
     vehicles = {vehicle.name: vehicle for vehicle in config.vehicle}
     for text in assignments:
-        vehicle_name, name, value = _assignment(text)
+        target, sign, number = text.partition("=")
+        vehicle_name, _, name = (part.strip() for part in target.rpartition(":"))
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not (sign and name and math.isfinite(value)):
+            raise ConfigError(
+                f"--param {text}: allowed is NAME=VALUE or vehicle:NAME=VALUE, as MPC_XY_VEL_MAX=8"
+            )
         if vehicle_name and vehicle_name not in vehicles:
             raise ConfigError(
                 f"--param {text}: there is no vehicle {vehicle_name!r}; allowed are {', '.join(vehicles)}"
@@ -256,21 +262,6 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
             parameters = {**vehicles[vehicle].parameters, name: value}
             vehicles[vehicle] = replace(vehicles[vehicle], parameters=parameters)
     return replace(config, vehicle=tuple(vehicles.values()))
-
-
-def _assignment(text: str) -> tuple[str, str, float]:
-    """Split a `--param` into vehicle ("" for all), name and value."""
-    target, sign, value = text.partition("=")
-    vehicle, _, name = target.rpartition(":")
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not (sign and name and math.isfinite(number)):
-        raise ConfigError(
-            f"--param {text}: allowed is NAME=VALUE or vehicle:NAME=VALUE, as MPC_XY_VEL_MAX=8"
-        )
-    return vehicle.strip(), name.strip(), number
 
 
 def build(
@@ -297,41 +288,30 @@ def build(
     require_one_version(installed_versions())
     taken = {vehicle.system_id for vehicle in config.vehicle}
     free = iter([number for number in range(1, 256) if number not in taken])
-    ids = {vehicle.name: vehicle.system_id or next(free) for vehicle in config.vehicle}
-    share = min(LOG_BYTES, log_bytes // len(config.vehicle))
-    return {
-        each.name: _vehicle(config, each, ids[each.name], index, unix_us, links, share)
-        for index, each in enumerate(config.vehicle)
-    }
-
-
-def _vehicle(
-    config: FleetConfig,
-    each: VehicleConfig,
-    system_id: int,
-    index: int,
-    unix_us: int | None,
-    links: Mapping[str, str],
-    log_bytes: int,
-) -> MockVehicle:
-    if flavour_named(each.flavour).topics is None:
-        links = {name: kind for name, kind in links.items() if kind != TOPICS}
-    return MockVehicle(
-        each.flavour,
-        system_id=system_id,
-        home=config.home,
-        start_ned=each.start_ned_m,
-        yaw_deg=each.yaw_deg,
-        seed=config.seed * 1000 + index,
-        noise=each.noise,
-        parameters=each.parameters,
-        ready_after_s=each.ready_after_s,
-        texts=each.texts,
-        origin=each.origin,
-        links=links,
-        signing=Signing(bytes.fromhex(each.signing.key_hex), require=each.signing.required)
-        if each.signing
-        else None,
-        unix_us=unix_us,
-        log_bytes=log_bytes,
-    )
+    vehicles = {}
+    for index, each in enumerate(config.vehicle):
+        own_links = links
+        if flavour_named(each.flavour).topics is None:
+            own_links = {name: kind for name, kind in links.items() if kind != TOPICS}
+        signing = None
+        if each.signing is not None:
+            key = bytes.fromhex(each.signing.key_hex)
+            signing = Signing(key, require=each.signing.required)
+        vehicles[each.name] = MockVehicle(
+            each.flavour,
+            system_id=each.system_id or next(free),
+            home=config.home,
+            start_ned=each.start_ned_m,
+            yaw_deg=each.yaw_deg,
+            seed=config.seed * 1000 + index,
+            noise=each.noise,
+            parameters=each.parameters,
+            ready_after_s=each.ready_after_s,
+            texts=each.texts,
+            origin=each.origin,
+            links=own_links,
+            signing=signing,
+            unix_us=unix_us,
+            log_bytes=min(LOG_BYTES, log_bytes // len(config.vehicle)),
+        )
+    return vehicles

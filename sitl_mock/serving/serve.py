@@ -117,7 +117,10 @@ def serve(
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(_stop_signals())
         faulted = _built(config, wires, faults, pace)
-        ports = _ports(wires, faulted)
+        ports = {}
+        if wires.udp is not None:
+            flavours = {name: vehicle.vehicle.flavour for name, vehicle in faulted.items()}
+            ports = udp_ports(wires.udp, flavours)
         endpoints = _opened(wires, ports, faulted, stack)
         disturbances = Disturbances(faulted, endpoints)
         targets = {name: target for name, (_, target) in ports.items()}
@@ -147,15 +150,6 @@ def serve(
             run_lockstep(faulted, endpoints, ended, watched)
         else:
             run(faulted, endpoints, pace.clock, ended, watched, pace.speed)
-
-
-def _ports(wires: Wires, faulted: Mapping[str, Faulted]) -> dict[str, tuple[int, int]]:
-    """Return the UDP ports of each vehicle: its own and its client's; none without UDP."""
-    if wires.udp is None:
-        return {}
-    return udp_ports(
-        wires.udp, {name: vehicle.vehicle.flavour for name, vehicle in faulted.items()}
-    )
 
 
 def _built(
