@@ -197,11 +197,6 @@ def _of_commands(inputs: EffectInputs, alter: Alter) -> Effect:
     return Effect(alter=check)
 
 
-def _late(inputs: EffectInputs) -> Effect:
-    delay_s = inputs.options["delay_s"]
-    return _of_commands(inputs, lambda _now_s, frame: ((delay_s, frame),))
-
-
 def _wrong(inputs: EffectInputs) -> Effect:
     result = inputs.options["result"]
     signing = inputs.vehicle.autopilot.signing
@@ -254,7 +249,9 @@ ACK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "ack_late": FaultKind(
             Group.LINK,
             "the COMMAND_ACK is delayed",
-            _late,
+            lambda inputs: _of_commands(
+                inputs, lambda _now_s, frame: ((inputs.options["delay_s"], frame),)
+            ),
             {**_COMMON, "delay_s": Option("seconds", 1.0, number(0.0, 60.0))},
             _ACKS,
         ),

@@ -78,11 +78,6 @@ def _duplicate(inputs: EffectInputs) -> Effect:
     )
 
 
-def _reorder(inputs: EffectInputs) -> Effect:
-    by_s = inputs.options["by_s"]
-    return Effect(alter=always(lambda _now_s, frame: ((by_s, frame),), inputs))
-
-
 def _delay(inputs: EffectInputs) -> Effect:
     full_s = inputs.options["delay_s"]
     jitter_s = inputs.options["jitter_s"]
@@ -205,7 +200,9 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "reorder": FaultKind(
             Group.LINK,
             "frames are overtaken by later ones",
-            _reorder,
+            lambda inputs: Effect(
+                alter=always(lambda _now_s, frame: ((inputs.options["by_s"], frame),), inputs)
+            ),
             {
                 "probability": Option("share of the frames", 0.2, number(0.0, 1.0)),
                 "by_s": Option("seconds by which they are held back", 0.1, number(0.0, _MOST_S)),

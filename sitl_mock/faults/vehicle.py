@@ -58,12 +58,6 @@ def _radio(inputs: EffectInputs, effect: Effect) -> Effect:
     return effect
 
 
-def _pilot_mode(inputs: EffectInputs) -> Effect:
-    return _radio(
-        inputs, _once(inputs, "pilot_mode", mode_named(inputs.vehicle, inputs.options["mode"]))
-    )
-
-
 def _sticks(inputs: EffectInputs) -> Effect:
     options = inputs.options
     sticks = tuple(options[name] for name in ("roll", "pitch", "throttle", "yaw"))
@@ -155,7 +149,10 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "pilot_mode": FaultKind(
             Group.FLIGHT,
             "the pilot switches to a mode; there is a radio from the start",
-            _pilot_mode,
+            lambda inputs: _radio(
+                inputs,
+                _once(inputs, "pilot_mode", mode_named(inputs.vehicle, inputs.options["mode"])),
+            ),
             {"mode": Option("its name", REQUIRED, text)},
             for_s=0.0,
         ),

@@ -500,21 +500,21 @@ class MissionFlight:
                 return False
             self.over = "landed"
             return True
-        holds = item.command in {WAYPOINT, LOITER_TIME}
-        return self._near(state, item, leg) and self._held(state, item.param1 if holds else 0.0)
-
-    def _near(self, state: VehicleState, item: PlanItem, leg: Leg) -> bool:
-        """True when the vehicle is, or by plan should be, at an item's position."""
+        # The vehicle is, or by plan should be, at the item's position.
         if self.clocked and item.command != TAKEOFF:
-            return state.now_s >= self.due_s
-        north, east, down = (a - b for a, b in zip(leg.position_m, state.position_m, strict=True))
-        default_m = float(state.parameters.get("NAV_ACC_RAD", _REACHED_M))
-        radius_m = item.param2 if item.command == WAYPOINT and item.param2 > 0.0 else default_m
-        off_m = max(_HEIGHT_REACHED_M, min(radius_m, 2.0))
-        if item.command == TAKEOFF and not self.climbs_first:
-            radius_m = math.inf
-            off_m = _TAKEN_OFF_M
-        return state.flew and math.hypot(north, east) < radius_m and abs(down) < off_m
+            is_near = state.now_s >= self.due_s
+        else:
+            north, east, down = leg.position_m - state.position_m
+            radius_m = float(state.parameters.get("NAV_ACC_RAD", _REACHED_M))
+            if item.command == WAYPOINT and item.param2 > 0.0:
+                radius_m = item.param2
+            off_m = max(_HEIGHT_REACHED_M, min(radius_m, 2.0))
+            if item.command == TAKEOFF and not self.climbs_first:
+                radius_m = math.inf
+                off_m = _TAKEN_OFF_M
+            is_near = state.flew and math.hypot(north, east) < radius_m and abs(down) < off_m
+        holds = item.command in {WAYPOINT, LOITER_TIME}
+        return is_near and self._held(state, item.param1 if holds else 0.0)
 
     def _held(self, state: VehicleState, hold_s: float) -> bool:
         """True if a time has passed since the first call for the present item; NaN and less than 0 are no time."""

@@ -190,7 +190,16 @@ class ExternalModes:
         wanted = None
         if self.checks:
             self._count_misses(now_s)
-            self._ask(now_s)
+            if now_s > self._asked_s + ASKED_EVERY_S + _SLACK_S:
+                self._asked_s = now_s
+                self._replied.clear()
+                self._counted = False
+                self._request = (self._request + 1) & 0xFF
+                mask = sum(
+                    1 << number for number, check in self.checks.items() if not check.unresponsive
+                )
+                request = {"request_id": self._request, "valid_registrations_mask": mask}
+                self.out.append(("arming_check_request", request))
         requests = self._queues["register_ext_component_request"]
         if armed and not self.parameters["COM_MODE_ARM_CHK"]:
             if requests:
@@ -357,21 +366,6 @@ class ExternalModes:
             else:
                 check.unresponsive = True
                 check.relapses += 1
-
-    def _ask(self, now_s: float) -> None:
-        if now_s <= self._asked_s + ASKED_EVERY_S + _SLACK_S:
-            return
-        self._asked_s = now_s
-        self._replied.clear()
-        self._counted = False
-        self._request = (self._request + 1) & 0xFF
-        mask = sum(1 << number for number, check in self.checks.items() if not check.unresponsive)
-        self.out.append(
-            (
-                "arming_check_request",
-                {"request_id": self._request, "valid_registrations_mask": mask},
-            )
-        )
 
     def _is_silent(self, mode: ExternalMode) -> bool:
         check = self.checks.get(mode.check)

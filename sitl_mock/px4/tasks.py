@@ -179,11 +179,24 @@ def by_stick(state: VehicleState, plan: ModePlan, dt_s: float, *, slow: bool = F
     climb = _climb_m_s(state, sticks.throttle, slow=slow)
     if ahead or right:
         plan.stick_place_m = None
-        velocity, push = _level(state, plan, (ahead, right), dt_s, slow=slow)
+        # The commanded velocity, north and east, follows the sticks.
+        fast = float(state.parameters["MC_SLOW_DEF_HVEL" if slow else "MPC_VEL_MANUAL"])
+        accel = float(state.parameters["MPC_ACC_HOR_MAX"])
+        size = max(math.hypot(ahead, right), 1.0)
+        push_n, push_e, _ = turned(
+            Vector((ahead / size * accel, right / size * accel, 0.0)), state.yaw_rad
+        )
+        if plan.stick_m_s is None:
+            n, e, _ = state.velocity_m_s
+        else:
+            n, e = plan.stick_m_s
+        a_n = push_n - accel / fast * n
+        a_e = push_e - accel / fast * e
+        plan.stick_m_s = (n + a_n * dt_s, e + a_e * dt_s)
         return Setpoint(
             Kind.STREAM,
-            velocity_ned_m_s=Vector((*velocity, -climb)),
-            acceleration_ned_m_s2=Vector((*push, math.nan)),
+            velocity_ned_m_s=Vector((*plan.stick_m_s, -climb)),
+            acceleration_ned_m_s2=Vector((a_n, a_e, math.nan)),
             yaw_rate_rad_s=turn,
         )
     plan.stick_m_s = None
@@ -202,26 +215,6 @@ def by_stick(state: VehicleState, plan: ModePlan, dt_s: float, *, slow: bool = F
 def _curved(stick: float) -> float:
     beyond = max(abs(stick) - _DEAD, 0.0) / (1.0 - _DEAD)
     return math.copysign((1.0 - _CUBIC) * beyond + _CUBIC * beyond**3, stick) if beyond else 0.0
-
-
-def _level(
-    state: VehicleState, plan: ModePlan, stick: tuple[float, float], dt_s: float, *, slow: bool
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Advance the commanded velocity (north, east); returns it and its acceleration."""
-    fast = float(state.parameters["MC_SLOW_DEF_HVEL" if slow else "MPC_VEL_MANUAL"])
-    accel = float(state.parameters["MPC_ACC_HOR_MAX"])
-    size = max(math.hypot(*stick), 1.0)
-    push_n, push_e, _ = turned(
-        Vector((stick[0] / size * accel, stick[1] / size * accel, 0.0)), state.yaw_rad
-    )
-    if plan.stick_m_s is None:
-        n, e, _ = state.velocity_m_s
-    else:
-        n, e = plan.stick_m_s
-    a_n = push_n - accel / fast * n
-    a_e = push_e - accel / fast * e
-    plan.stick_m_s = (n + a_n * dt_s, e + a_e * dt_s)
-    return plan.stick_m_s, (a_n, a_e)
 
 
 def _climb_m_s(state: VehicleState, throttle: float, *, slow: bool) -> float:

@@ -49,20 +49,18 @@ class Disturbances:
         """Apply new transport faults, and end those whose time is over."""
         for name, vehicle in self._vehicles.items():
             while vehicle.transport:
-                self._strike(name, *vehicle.transport.popleft(), now_s)
-        for number, (until_s, endpoint) in list(self._down.items()):
+                what, for_s = vehicle.transport.popleft()
+                for endpoint in self._endpoints:
+                    if what == "router_restart" and isinstance(endpoint, Restartable):
+                        endpoint.go_down()
+                        self._down[id(endpoint)] = (now_s + for_s, endpoint)
+                    elif what == "udp_port_change" and isinstance(endpoint, Rebindable):
+                        endpoint.change_port(name)
+        for number, (until_s, closed) in list(self._down.items()):
             if now_s >= until_s:
                 try:
-                    endpoint.come_up()
+                    closed.come_up()
                 except TransportError:
-                    self._down[number] = (now_s + RETRY_S, endpoint)  # its port is not free yet
+                    self._down[number] = (now_s + RETRY_S, closed)  # its port is not free yet
                 else:
                     del self._down[number]
-
-    def _strike(self, vehicle: str, what: str, for_s: float, now_s: float) -> None:
-        for endpoint in self._endpoints:
-            if what == "router_restart" and isinstance(endpoint, Restartable):
-                endpoint.go_down()
-                self._down[id(endpoint)] = (now_s + for_s, endpoint)
-            elif what == "udp_port_change" and isinstance(endpoint, Rebindable):
-                endpoint.change_port(vehicle)

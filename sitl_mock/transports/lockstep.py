@@ -126,18 +126,13 @@ def frames_of(data: bytes) -> Iterator[bytes]:
     """Yield the frames of a datagram; bytes that begin none are yielded together, for the decoder to count."""
     at = 0
     while at < len(data):
-        size = _size(data, at)
+        size = len(data) - at
+        if data[at] == _V2 and size > 2:
+            size = data[at + 1] + (25 if data[at + 2] & 1 else 12)
+        elif data[at] == _V1 and size > 1:
+            size = data[at + 1] + 8
         yield data[at : at + size]
         at += size
-
-
-def _size(data: bytes, at: int) -> int:
-    """Size of the frame that begins here; the rest of the data if none does."""
-    if data[at] == _V2 and at + 2 < len(data):
-        return data[at + 1] + (25 if data[at + 2] & 1 else 12)
-    if data[at] == _V1 and at + 1 < len(data):
-        return data[at + 1] + 8
-    return len(data) - at
 
 
 def _step(frame: bytes, system_id: int) -> _Step | None:

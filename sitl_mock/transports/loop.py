@@ -3,7 +3,7 @@
 import math
 import select
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Final, NamedTuple, Protocol
@@ -92,8 +92,10 @@ class Loop:
             ready: Readable file descriptors; other endpoints are skipped. None reads all.
         """
         inbox: dict[str, dict[str, list[bytes]]] = defaultdict(lambda: defaultdict(list))
-        for arrival in self._arrivals(ready):
-            inbox[arrival.vehicle][arrival.link].append(arrival.data)
+        for endpoint in self.endpoints:
+            if ready is None or any(fileno in ready for fileno in endpoint.filenos()):
+                for arrival in endpoint.receive():
+                    inbox[arrival.vehicle][arrival.link].append(arrival.data)
         # A pause longer than STALL_S is left out.
         now_s = self.clock() - self.left_out_s
         if math.isnan(self.first_s):
@@ -112,11 +114,6 @@ class Loop:
                 if frames:
                     for endpoint in self.endpoints:
                         endpoint.send(name, link, frames)
-
-    def _arrivals(self, ready: Collection[int] | None) -> Iterator[Arrival]:
-        for endpoint in self.endpoints:
-            if ready is None or any(fileno in ready for fileno in endpoint.filenos()):
-                yield from endpoint.receive()
 
     def wait_s(self) -> float:
         """Real time until the vehicles' next tick."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from random import Random
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sitl_mock.dynamics import (
     ZERO,
@@ -17,7 +17,6 @@ from sitl_mock.dynamics import (
     attitude_of,
     gust_after,
 )
-from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.values import maker_of
 from sitl_mock.errors import ConfigError
 from sitl_mock.logs import LOG_BYTES, LogBook
@@ -40,7 +39,6 @@ from sitl_mock.vehicle.conditions import Conditions
 from sitl_mock.vehicle.estimator import STEP_S as ESTIMATOR_S
 from sitl_mock.vehicle.estimator import Estimator
 from sitl_mock.vehicle.flavour import Flavour
-from sitl_mock.vehicle.incidents import INCIDENTS
 from sitl_mock.vehicle.pilot import Sticks
 from sitl_mock.vehicle.reception import take
 from sitl_mock.vehicle.sensors import EXACT, Sensors
@@ -186,7 +184,7 @@ class Autopilot:
             Setpoint(Kind.STOPPED),
             self.events,
             settings.unix_us,
-            self._reference,
+            lambda: self.plant.reference(self.motion),
         )
         self._renew_times(now_s)
 
@@ -195,7 +193,7 @@ class Autopilot:
         conditions = self.conditions
         if conditions.events:
             for name, value in conditions.take():
-                INCIDENTS[name](self, now_s, value)
+                self._happen(now_s, name, value)
         state = self.state
         state.now_s = now_s
         if count % _SLOW_TICKS == 0:
@@ -327,6 +325,26 @@ class Autopilot:
         self.state.set_home(self.frame.to_local(*place), given=True)
         return True
 
+    def _happen(self, now_s: float, name: str, value: Any) -> None:  # noqa: ANN401 - a condition's value
+        """Carry out a condition that is an event."""
+        match name:
+            case "pilot_mode":
+                self.commander.switch(now_s, value)
+            case "ekf_jump_m":
+                self.state.estimator.jump(value)
+            case "ekf_yaw_jump_deg":
+                self.state.estimator.jump_yaw(math.radians(value))
+            case "battery":
+                self.state.battery.put(value)
+            case "push_m_s":
+                body = self.motion.body
+                pushed = body._replace(velocity_ned_m_s=body.velocity_ned_m_s + value)
+                self.motion = self.motion._replace(body=pushed)
+            case "reboot":
+                self.boot(now_s)
+            case "time_jump_s":
+                self.time_jump_s += value
+
     def _slowly(self, now_s: float) -> None:
         """Update the slow parts: estimator, gusts, battery, parameters of the dynamics."""
         state = self.state
@@ -381,10 +399,6 @@ class Autopilot:
                 attitude._replace(yaw_rad=yaw_rad) if estimator.yaw_error_rad else attitude
             )
         state.track_landing()
-
-    def _reference(self) -> Reference | None:
-        """Return the controller's reference motion, or None."""
-        return self.plant.reference(self.motion)
 
     def since_boot_s(self, now_s: float) -> float:
         """Return the vehicle's own clock, which telemetry and TIMESYNC use."""

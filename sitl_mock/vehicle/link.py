@@ -122,7 +122,9 @@ class Link:
             ftp=FtpProtocol(
                 flavour.files(autopilot.parameters, autopilot.plans, autopilot.storage)
             ),
-            logs=LogProtocol(autopilot.storage.logs, flavour.log_rules, self._is_armed),
+            logs=LogProtocol(
+                autopilot.storage.logs, flavour.log_rules, lambda: autopilot.state.armed
+            ),
             log_stream=self._log_stream,
             shell=ShellProtocol(self._run),
             signing=SigningSetup(signing, allowed=flavour.takes_keys),
@@ -151,7 +153,10 @@ class Link:
         frames: list[bytes] = []
         messages = self.decoder.feed(data, whole=True)
         if messages:
-            self._hear(now_s, messages[-1])
+            client = source_of(messages[-1])
+            if client not in self._heard and len(self._heard) >= _CLIENTS_MOST:
+                del self._heard[next(iter(self._heard))]
+            self._heard[client] = now_s
         for message in messages:
             if self._is_for_others(message):
                 self.to_forward.append(message)
@@ -223,12 +228,6 @@ class Link:
             client for client, heard_s in self._heard.items() if now_s - heard_s <= _CLIENT_HEARD_S
         ]
 
-    def _hear(self, now_s: float, message: Message) -> None:
-        client = (message.get_srcSystem(), message.get_srcComponent())
-        if client not in self._heard and len(self._heard) >= _CLIENTS_MOST:
-            del self._heard[next(iter(self._heard))]
-        self._heard[client] = now_s
-
     def send(self, now_s: float, tick: int) -> list[bytes]:
         """Return the frames that are due by now."""
         autopilot = self.autopilot
@@ -267,19 +266,68 @@ class Link:
         flavour = self.autopilot.flavour
         if command.number in flavour.refused_commands:
             return (CommandAnswer(Result.UNSUPPORTED),)
-        if command.number == _SET_GLOBAL_ORIGIN and command.number in flavour.more_commands:
-            return (CommandAnswer(self._set_origin(now_s, command)),)
         if command.number in _LOGGING and flavour.streams_log:
             return self._stream_log(now_s, command)
         message = self.streams.rules.old_requests.get(command.number)
         if message is not None:
-            command = command._replace(
-                number=_REQUEST_MESSAGE, params=(float(message), *command.params[1:])
-            )
-        handler = _REQUESTS.get(command.number)
-        if handler is None:
+            params = (float(message), *command.params[1:])
+            command = command._replace(number=_REQUEST_MESSAGE, params=params)
+        number = command.number
+        first = command.params[0]
+        result = Result.DENIED
+        if number == _SET_GLOBAL_ORIGIN and number in flavour.more_commands:
+            result = self._set_origin(now_s, command)
+        elif number == _SET_INTERVAL:
+            if math.isfinite(first):
+                result = self.streams.set_interval(now_s, int(first), command.params[1])
+        elif number == _GET_INTERVAL:
+            if 0.0 <= first < 65536.0:
+                interval_us = self.streams.interval_us(int(first))
+                self._requested.append(("MESSAGE_INTERVAL", int(first), interval_us))
+                result = Result.ACCEPTED
+        elif number == _REQUEST_MESSAGE:
+            result = self._request(command)
+        elif number == _CAPABILITIES:
+            refused = first != 1.0 and self._is_ardupilot
+            result = Result.FAILED if refused else Result.ACCEPTED
+            if not refused:
+                self._requested.append(self.autopilot.identity.autopilot_version())
+        else:
             return self.autopilot.commander.execute(now_s, command)
-        return (CommandAnswer(handler(self, now_s, command)),)
+        return (CommandAnswer(result),)
+
+    def _set_origin(self, now_s: float, command: Command) -> Result:
+        """DO_SET_GLOBAL_ORIGIN, as SET_GPS_GLOBAL_ORIGIN."""
+        position = Place(*command.params[4:7])
+        if not (command.is_int and is_on_earth(position)):
+            return Result.DENIED
+        moved = self.autopilot.set_origin(now_s, position)
+        return Result.ACCEPTED if moved else Result.TEMPORARILY_REJECTED
+
+    def _request(self, command: Command) -> Result:
+        """Send a message once: REQUEST_MESSAGE."""
+        message_id, argument = command.params[:2]
+        if not math.isfinite(message_id):
+            return Result.DENIED
+        autopilot = self.autopilot
+        rules = self.streams.rules
+        replies: list[Reply] = []
+        if int(message_id) == _AVAILABLE_MODES:
+            if "AVAILABLE_MODES" in autopilot.flavour.withheld:
+                return rules.unknown_request
+            number = int(argument) if math.isfinite(argument) else 0
+            replies = available_modes(autopilot.commander.available_modes, number)
+        else:
+            spec = SPEC_BY_ID.get(int(message_id))
+            if spec is None or spec.name not in self._prepared or spec.name in _ONCE:
+                return rules.unknown_request
+            fields = self._prepared[spec.name][0](autopilot.report)
+            if fields is not None:
+                replies = [(spec.name, *fields)]
+        if not replies:
+            return rules.empty_request
+        self._requested += replies
+        return Result.ACCEPTED
 
     def _stream_log(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
         """LOGGING_START and LOGGING_STOP, as PX4 answers them; one stream at a time."""
@@ -297,69 +345,10 @@ class Link:
         self._requested += self._log_stream.start(now_s, command.source, head)
         return (CommandAnswer(Result.ACCEPTED),)
 
-    def _is_armed(self) -> bool:
-        return self.autopilot.state.armed
-
     def _run(self, line: str) -> str | None:
         """Return the shell's answer to a line, None if the flavour has no shell."""
         shell = self.autopilot.flavour.shell
         return None if shell is None else shell(self.autopilot.report, line)
-
-    def _set_interval(self, now_s: float, command: Command) -> Result:
-        message_id, interval_us = command.params[:2]
-        if not math.isfinite(message_id):
-            return Result.DENIED
-        return self.streams.set_interval(now_s, int(message_id), interval_us)
-
-    def _get_interval(self, _now_s: float, command: Command) -> Result:
-        message_id = command.params[0]
-        if not 0.0 <= message_id < 65536.0:
-            return Result.DENIED
-        self._requested.append(
-            ("MESSAGE_INTERVAL", int(message_id), self.streams.interval_us(int(message_id)))
-        )
-        return Result.ACCEPTED
-
-    def _request(self, _now_s: float, command: Command) -> Result:
-        message_id, argument = command.params[:2]
-        if not math.isfinite(message_id):
-            return Result.DENIED
-        replies = self._message(int(message_id), int(argument) if math.isfinite(argument) else 0)
-        if replies is None:
-            return self.streams.rules.unknown_request
-        if not replies:
-            return self.streams.rules.empty_request
-        self._requested += replies
-        return Result.ACCEPTED
-
-    def _set_origin(self, now_s: float, command: Command) -> Result:
-        """DO_SET_GLOBAL_ORIGIN, as SET_GPS_GLOBAL_ORIGIN."""
-        position = Place(*command.params[4:7])
-        if not (command.is_int and is_on_earth(position)):
-            return Result.DENIED
-        moved = self.autopilot.set_origin(now_s, position)
-        return Result.ACCEPTED if moved else Result.TEMPORARILY_REJECTED
-
-    def _message(self, message_id: int, argument: int) -> list[Reply] | None:
-        """Return a requested message, nothing if it has no content yet, and None if it is unknown."""
-        autopilot = self.autopilot
-        if message_id == _AVAILABLE_MODES:
-            if "AVAILABLE_MODES" in autopilot.flavour.withheld:
-                return None
-            return available_modes(autopilot.commander.available_modes, argument)
-        spec = SPEC_BY_ID.get(message_id)
-        if spec is None or spec.name not in self._prepared or spec.name in _ONCE:
-            return None
-        fields = self._prepared[spec.name][0](autopilot.report)
-        if fields is None:
-            return []
-        return [(spec.name, *fields)]
-
-    def _capabilities(self, _now_s: float, command: Command) -> Result:
-        if command.params[0] != 1.0 and self.autopilot.flavour.autopilot == ARDUPILOT:
-            return Result.FAILED
-        self._requested.append(self.autopilot.identity.autopilot_version())
-        return Result.ACCEPTED
 
 
 @lru_cache
@@ -373,11 +362,3 @@ def prepared(
         for name, build in builders_of(flavour).items()
         if name not in withheld
     }
-
-
-_REQUESTS: Final[dict[int, Callable[[Link, float, Command], Result]]] = {
-    _SET_INTERVAL: Link._set_interval,  # noqa: SLF001 - its own methods, by command number
-    _GET_INTERVAL: Link._get_interval,  # noqa: SLF001
-    _REQUEST_MESSAGE: Link._request,  # noqa: SLF001
-    _CAPABILITIES: Link._capabilities,  # noqa: SLF001
-}

@@ -19,8 +19,6 @@ from sitl_mock.vehicle.pilot import (
 from sitl_mock.vehicle.state import Reported
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from sitl_mock.mavlink import Message
     from sitl_mock.vehicle.flavour import Commander
     from sitl_mock.vehicle.state import VehicleState
@@ -52,12 +50,34 @@ def take(state: VehicleState, commander: Commander, now_s: float, message: Messa
         now_s: Present time.
         message: The decoded message.
     """
-    handler = _HANDLERS.get(message.get_type())
-    if handler is None or not addressed(message, state.system_id, COMPONENT):
+    if not addressed(message, state.system_id, COMPONENT):
         return
     if message.get_srcSystem() == state.system_id and message.get_srcComponent() == COMPONENT:
         return
-    handler(state, commander, now_s, message)
+    match message.get_type():
+        case "HEARTBEAT" if not state.conditions.gcs_lost:
+            if GROUND_ID not in state.parameters:
+                state.peers.hear(now_s, message.type)
+            elif _from_ground(state, message):
+                state.peers.hear(now_s, _GROUND_STATION)
+        case (
+            "SET_POSITION_TARGET_LOCAL_NED"
+            | "SET_POSITION_TARGET_GLOBAL_INT"
+            | "SET_ATTITUDE_TARGET"
+        ):
+            commander.offer(now_s, message)
+        case "SET_MODE":
+            commander.set_mode(now_s, message.base_mode, message.custom_mode)
+        case "FOLLOW_TARGET":
+            # Regardless of est_capabilities; implausible values are dropped.
+            position = Place(message.lat * 1e-7, message.lon * 1e-7, message.alt)
+            velocity = Vector(message.vel)
+            if is_on_earth(position) and all(abs(value) < _FASTEST_M_S for value in velocity):
+                state.target = Reported(now_s, state.frame.to_local(*position), velocity)
+        case "MANUAL_CONTROL":
+            _manual_control(state, now_s, message)
+        case "RC_CHANNELS_OVERRIDE":
+            _override(state, now_s, message)
 
 
 def _from_ground(state: VehicleState, message: Message) -> bool:
@@ -65,26 +85,7 @@ def _from_ground(state: VehicleState, message: Message) -> bool:
     return bool(message.get_srcSystem() == state.parameters.get(GROUND_ID, message.get_srcSystem()))
 
 
-def _heartbeat(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
-    if state.conditions.gcs_lost:
-        return
-    if GROUND_ID not in state.parameters:
-        state.peers.hear(now_s, message.type)
-    elif _from_ground(state, message):
-        state.peers.hear(now_s, _GROUND_STATION)
-
-
-def _setpoint(_state: VehicleState, commander: Commander, now_s: float, message: Message) -> None:
-    commander.offer(now_s, message)
-
-
-def _set_mode(_state: VehicleState, commander: Commander, now_s: float, message: Message) -> None:
-    commander.set_mode(now_s, message.base_mode, message.custom_mode)
-
-
-def _manual_control(
-    state: VehicleState, _commander: Commander, now_s: float, message: Message
-) -> None:
+def _manual_control(state: VehicleState, now_s: float, message: Message) -> None:
     """MANUAL_CONTROL: pitch x, roll y, yaw r in [-1000, 1000], throttle z in [0, 1000]."""
     source = state.parameters.get(STICK_SOURCE, BOTH)
     if (
@@ -109,7 +110,7 @@ def _manual_control(
         state.pilot.override(now_s, channel, round(1500.0 + 500.0 * position))
 
 
-def _override(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
+def _override(state: VehicleState, now_s: float, message: Message) -> None:
     """RC_CHANNELS_OVERRIDE: pulse widths; a message with an impossible one is ignored.
 
     0 releases a channel up to 8, 65535 leaves it unchanged. ArduPilot takes 16 channels, and each expires by itself.
@@ -147,27 +148,3 @@ def _override(state: VehicleState, _commander: Commander, now_s: float, message:
         stick_of(pilot.channels[channel].pulse_us) for channel in _STICK_CHANNELS
     )
     pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
-
-
-def _follow_target(
-    state: VehicleState, _commander: Commander, now_s: float, message: Message
-) -> None:
-    """FOLLOW_TARGET: position and velocity, regardless of est_capabilities; implausible values are dropped."""
-    position = Place(message.lat * 1e-7, message.lon * 1e-7, message.alt)
-    velocity = tuple(message.vel)
-    if is_on_earth(position) and all(abs(value) < _FASTEST_M_S for value in velocity):
-        state.target = Reported(
-            now_s, state.frame.to_local(*position), Vector((velocity[0], velocity[1], velocity[2]))
-        )
-
-
-_HANDLERS: Final[dict[str, Callable[[VehicleState, Commander, float, Message], None]]] = {
-    "HEARTBEAT": _heartbeat,
-    "SET_POSITION_TARGET_LOCAL_NED": _setpoint,
-    "SET_POSITION_TARGET_GLOBAL_INT": _setpoint,
-    "SET_ATTITUDE_TARGET": _setpoint,
-    "SET_MODE": _set_mode,
-    "FOLLOW_TARGET": _follow_target,
-    "MANUAL_CONTROL": _manual_control,
-    "RC_CHANNELS_OVERRIDE": _override,
-}
