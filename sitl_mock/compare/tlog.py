@@ -66,7 +66,12 @@ def read_frames(path: Path, raw: bytes) -> tuple[list[TimedFrame], list[str]]:
     notes = []
     if skipped:
         notes.append(f"{skipped} of {len(raw)} bytes are no MAVLink frames and are skipped")
-    clock = _time_order(raw, reads)
+    # Times are big endian unless the first one makes sense only in the other order.
+    clock = _TIME
+    if reads:
+        times_us = [order.unpack_from(raw, reads[0].at)[0] for order in (_TIME, _TIME_LITTLE)]
+        big, little = (_YEAR_2000_US < time_us < _YEAR_2200_US for time_us in times_us)
+        clock = _TIME_LITTLE if little and not big else _TIME
     if clock is _TIME_LITTLE:
         notes.append("the recorded times are little-endian")
     frames = []
@@ -141,15 +146,6 @@ def _next_known(raw: bytes, at: int) -> _Read | None:
         if read is not None and read.message is not None:
             return read
     return None
-
-
-def _time_order(raw: bytes, reads: Sequence[_Read]) -> struct.Struct:
-    """Byte order of the times: big endian unless the first time makes sense only in the other order."""
-    if not reads:
-        return _TIME
-    times_us = [clock.unpack_from(raw, reads[0].at)[0] for clock in (_TIME, _TIME_LITTLE)]
-    big, little = (_YEAR_2000_US < time_us < _YEAR_2200_US for time_us in times_us)
-    return _TIME_LITTLE if little and not big else _TIME
 
 
 def steady_times(frames: Sequence[TimedFrame], ids: tuple[int, int]) -> tuple[list[float], int]:

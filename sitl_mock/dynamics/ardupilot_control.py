@@ -171,7 +171,9 @@ class ArduControl:
             )
             n = n + near[0]
             e = e + near[1]
-        gain = self._overspeed(v_d)
+        # Above the speeds of travel, acceleration and jerk grow with the speed.
+        excess = v_d / limits.sink_m_s if v_d > 0.0 else -v_d / limits.climb_m_s
+        gain = gains.overspeed_gain * excess if excess > 1.0 else 1.0
         accel_z = gains.accel_z_m_s2 * gain
         jerk_z = gains.jerk_z_m_s3 * gain
         if not math.isnan(to_d):
@@ -238,11 +240,6 @@ class ArduControl:
             dt_s,
         )
         return advance(Reference(position, velocity), Vector((0.0, 0.0, down)), dt_s)
-
-    def _overspeed(self, down_m_s: float) -> float:
-        limits = self.travel_limits
-        excess = down_m_s / limits.sink_m_s if down_m_s > 0.0 else -down_m_s / limits.climb_m_s
-        return self.gains.overspeed_gain * excess if excess > 1.0 else 1.0
 
     def _track(  # noqa: PLR0914
         self, reference: Reference, integral: Vector, body: Body, estimate: Estimate, dt_s: float

@@ -40,33 +40,26 @@ _setpoint = maker_of(Setpoint)
 def read_position_target(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
     """Return the setpoint in a message, or the text that refuses it."""
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
-        return _read_global(state, message)
+        name = "SET_POSITION_TARGET_GLOBAL_INT"
+        # A relative height has the sign of home's height above the local frame's origin wrong: 12 m above a home that
+        # is 4 m above the origin is flown as 8 m above the origin, not 16 m (measured).
+        home_m = state.home_m
+        if home_m is not None:
+            home_m = home_m.level_with(-home_m[2])
+        target = read_global(message, state.frame, home_m)
+        # A position needs all its axes, and only with one does the frame matter.
+        if target.type_mask & IGNORE_POSITION:
+            return _judged(state, target._replace(position_m=IGNORED), name)
+        if target.frame not in _GLOBAL_FRAMES:
+            return f"{name} invalid coordinate frame {target.frame}"
+        if target.frame == _ABOVE_TERRAIN:
+            above_m = target.position_m.level_with(state.ground_m - message.alt)
+            target = target._replace(position_m=above_m)
+        return _judged(state, target, name)
     target = read_local(message)
     if target.frame not in {LOCAL_NED, BODY_NED}:
         return f"SET_POSITION_TARGET_LOCAL_NED coordinate frame {target.frame} unsupported"
     return _judged(state, target, "SET_POSITION_TARGET_LOCAL_NED")
-
-
-def _read_global(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 - as above
-    """Read SET_POSITION_TARGET_GLOBAL_INT.
-
-    A relative height has the sign of home's height above the local frame's origin wrong: 12 m above a home that is 4 m
-    above the origin is flown as 8 m above the origin, not 16 m (measured). A position needs all its axes, and only with
-    one does the frame matter.
-    """
-    name = "SET_POSITION_TARGET_GLOBAL_INT"
-    home_m = state.home_m
-    if home_m is not None:
-        home_m = home_m.level_with(-home_m[2])
-    target = read_global(message, state.frame, home_m)
-    if target.type_mask & IGNORE_POSITION:
-        return _judged(state, target._replace(position_m=IGNORED), name)
-    if target.frame not in _GLOBAL_FRAMES:
-        return f"{name} invalid coordinate frame {target.frame}"
-    if target.frame == _ABOVE_TERRAIN:
-        above_m = target.position_m.level_with(state.ground_m - message.alt)
-        target = target._replace(position_m=above_m)
-    return _judged(state, target, name)
 
 
 def read_trajectory(message: Any) -> Setpoint:  # noqa: ANN401 - a record

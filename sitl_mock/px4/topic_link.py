@@ -233,19 +233,17 @@ class TopicLink:
                 samples += stream.changed(report)
             elif has_sticks or stream.name != "manual_control_setpoint":
                 samples += stream.due(report)
-        return samples + self._goals(report)
-
-    def _goals(self, report: Report) -> list[bytes]:
-        """Return the navigator's setpoints: 20 times a second while disarmed, in flight when a mode begins."""
+        # The navigator's setpoints: 20 times a second while disarmed, in flight when a mode begins.
         mode = report.commander.mode
-        begins = mode != self._goals_of
-        if not begins and (report.state.armed or report.boot_us < self._goals_us):
-            return []
-        self._goals_of = mode
-        self._goals_us = report.boot_us + _GOALS_US
-        message = message_type("PositionSetpointTriplet")
-        payload = message.encode(position_setpoint_triplet(report))
-        return [frame_of("position_setpoint_triplet", payload)]
+        is_due = not state.armed and report.boot_us >= self._goals_us
+        if mode != self._goals_of or is_due:
+            self._goals_of = mode
+            self._goals_us = report.boot_us + _GOALS_US
+            payload = message_type("PositionSetpointTriplet").encode(
+                position_setpoint_triplet(report)
+            )
+            samples.append(frame_of("position_setpoint_triplet", payload))
+        return samples
 
 
 def _obey(px4: Px4, now_s: float, topic: str, message: Any) -> bool:  # noqa: ANN401 - a record

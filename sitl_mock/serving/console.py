@@ -83,7 +83,8 @@ def welcome(
     lines = []
     in_short = len(vehicles) > SHORT_FLEET
     for name, vehicle in vehicles.items():
-        title = _title(vehicle)
+        mock = vehicle.vehicle
+        title = f"{vehicle.name}: {mock.autopilot.flavour.title}, system id {mock.system_id}"
         if in_short:
             lines.append(f"{title}, udpin://127.0.0.1:{udp[name]}" if name in udp else title)
             continue
@@ -104,10 +105,6 @@ def welcome(
             "  a vehicle's name is its namespace, mavlink_raw/in and mavlink_raw/out its keys",
         ]
     return lines
-
-
-def _title(vehicle: Faulted) -> str:
-    return f"{vehicle.name}: {vehicle.vehicle.autopilot.flavour.title}, system id {vehicle.vehicle.system_id}"
 
 
 def write(out: TextIO, text: str) -> bool:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from sitl_mock.dynamics import Kind
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
-from sitl_mock.telemetry.report import heading_cdeg, int16
+from sitl_mock.telemetry.wire import heading_cdeg, int16
 from sitl_mock.vehicle.flavour import Report
 
 Fields = tuple[Any, ...]

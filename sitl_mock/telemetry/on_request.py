@@ -17,13 +17,13 @@ from sitl_mock.telemetry.motion import (
     raw_imu,
     scaled_pressure,
 )
-from sitl_mock.telemetry.report import int16
 from sitl_mock.telemetry.status import (
     ekf_status_report,
     fence_status,
     gps_raw_int,
     rc_channels,
 )
+from sitl_mock.telemetry.wire import int16
 from sitl_mock.vehicle.flavour import Report
 
 Fields = tuple[Any, ...]

@@ -11,7 +11,7 @@ from sitl_mock.dynamics import IGNORED, Kind
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
 from sitl_mock.parameters.calibrated_sensors import uncalibrated
 from sitl_mock.telemetry.motion import pressure_hpa
-from sitl_mock.telemetry.report import int16
+from sitl_mock.telemetry.wire import int16
 from sitl_mock.vehicle.flavour import Report
 
 Fields = tuple[Any, ...]

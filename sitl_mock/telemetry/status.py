@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
-from sitl_mock.telemetry.report import heading_cdeg
+from sitl_mock.telemetry.wire import heading_cdeg
 from sitl_mock.vehicle.estimator import EPH_M
 from sitl_mock.vehicle.flavour import Report
 from sitl_mock.vehicle.pilot import override_time_s

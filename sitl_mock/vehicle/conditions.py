@@ -46,10 +46,6 @@ def _numbers(value: Any, count: int) -> tuple[float, ...]:  # noqa: ANN401 - any
     return numbers
 
 
-def _sticks(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - anything may come from a file
-    return _numbers(value, 4)
-
-
 def _vector(value: Any) -> Vector:  # noqa: ANN401 - anything may come from a file
     north, east, down = _numbers(value, 3)
     return Vector((north, east, down))
@@ -67,7 +63,7 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
         "sticks": ConditionKind(
             "a radio is present with sticks at roll, pitch, throttle, yaw in [-1, 1]",
             (0.0, 0.0, 0.0, 0.0),
-            _sticks,
+            lambda value: _numbers(value, 4),
         ),
         "rc": ConditionKind(
             "a radio is present with centred sticks; false: it is lost", None, _flag
