@@ -146,7 +146,7 @@ class FtpProtocol:
             Opcode.REMOVE_DIRECTORY: self._remove_folder,
             Opcode.RENAME: self._rename,
             Opcode.CALC_FILE_CRC32: self._crc,
-            Opcode.BURST_READ_FILE: lambda request: self._read(request, BURST),
+            Opcode.BURST_READ_FILE: self._burst,
         }
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
@@ -306,6 +306,9 @@ class FtpProtocol:
         size = min(request.size or DATA, DATA)
         starts = range(request.offset, len(self._open), size)[:pieces]
         return [(start, self._open[start : start + size]) for start in starts]
+
+    def _burst(self, request: _Request) -> list[tuple[int, bytes]]:
+        return self._read(request, BURST)
 
 
 def _reply(

@@ -72,7 +72,7 @@ class MissionProtocol:
             "MISSION_REQUEST_INT": self._item,
             "MISSION_REQUEST": self._item,
             "MISSION_CLEAR_ALL": self._clear,
-            "MISSION_SET_CURRENT": lambda now_s, message: set_current(now_s, message.seq),
+            "MISSION_SET_CURRENT": self._jump,
         }
 
     @property
@@ -119,6 +119,9 @@ class MissionProtocol:
         obeyed = self._guide(now_s, read_item(message))
         result = MissionResult.ACCEPTED if obeyed else MissionResult.ERROR
         return [acknowledge(source_of(message), result, PlanKind.MISSION)]
+
+    def _jump(self, now_s: float, message: Message) -> list[Reply]:
+        return self._set_current(now_s, message.seq)
 
     def _cancel(self, _now_s: float, message: Message) -> list[Reply]:
         self._upload.cancel(message)

@@ -17,6 +17,7 @@ from sitl_mock.dynamics import (
     attitude_of,
     gust_after,
 )
+from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.values import maker_of
 from sitl_mock.errors import ConfigError
 from sitl_mock.logs import LOG_BYTES, LogBook
@@ -184,7 +185,7 @@ class Autopilot:
             Setpoint(Kind.STOPPED),
             self.events,
             settings.unix_us,
-            lambda: self.plant.reference(self.motion),
+            self._reference,
         )
         self._renew_times(now_s)
 
@@ -399,6 +400,10 @@ class Autopilot:
                 attitude._replace(yaw_rad=yaw_rad) if estimator.yaw_error_rad else attitude
             )
         state.track_landing()
+
+    def _reference(self) -> Reference | None:
+        """Return the controller's reference motion, or None."""
+        return self.plant.reference(self.motion)
 
     def since_boot_s(self, now_s: float) -> float:
         """Return the vehicle's own clock, which telemetry and TIMESYNC use."""

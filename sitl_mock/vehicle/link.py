@@ -100,6 +100,7 @@ class Link:
         self._heard: dict[tuple[int, int], float] = {}
         self.to_forward: list[Message] = []
         self._is_ardupilot = flavour.autopilot == ARDUPILOT
+        # Methods, not lambdas: deepcopy gives a copied vehicle its own methods, but the lambdas of the original.
         self.session = Session(
             system_id,
             COMPONENT,
@@ -122,9 +123,7 @@ class Link:
             ftp=FtpProtocol(
                 flavour.files(autopilot.parameters, autopilot.plans, autopilot.storage)
             ),
-            logs=LogProtocol(
-                autopilot.storage.logs, flavour.log_rules, lambda: autopilot.state.armed
-            ),
+            logs=LogProtocol(autopilot.storage.logs, flavour.log_rules, self._is_armed),
             log_stream=self._log_stream,
             shell=ShellProtocol(self._run),
             signing=SigningSetup(signing, allowed=flavour.takes_keys),
@@ -344,6 +343,9 @@ class Link:
         head = recorder.head(self.autopilot.report)
         self._requested += self._log_stream.start(now_s, command.source, head)
         return (CommandAnswer(Result.ACCEPTED),)
+
+    def _is_armed(self) -> bool:
+        return self.autopilot.state.armed
 
     def _run(self, line: str) -> str | None:
         """Return the shell's answer to a line, None if the flavour has no shell."""
