@@ -1,9 +1,11 @@
 """A stepped flight: one mock vehicle, one client, and a clock that the test advances."""
 
+import copy
 import math
+from collections import Counter
 
 from sitl_mock import MockVehicle
-from sitl_mock.mavlink import Decoder, Encoder
+from sitl_mock.mavlink import SPEC_BY_ID, Decoder, Encoder
 from sitl_mock.mavlink.dialect import spec_of
 from tests.harness.copies import Flown
 
@@ -29,6 +31,14 @@ class Flight:
         self._times = []
         self._messages = []
         self._hear(self.vehicle.step(0.0))
+
+    def __deepcopy__(self, memo):
+        """Copy all but the frames and messages themselves, which never change."""
+        for heard in (self.frames, self._times, self._messages):
+            memo[id(heard)] = list(heard)
+        memo[id(self)] = twin = copy.copy(self)
+        vars(twin).update(copy.deepcopy(vars(self), memo))
+        return twin
 
     def _hear(self, frames):
         self.frames += frames
@@ -112,6 +122,24 @@ class Flight:
             if self._times[index] >= since_s
         ]
         return came[::-1]
+
+    def counts(self, since_s=0.0):
+        """Return the number of messages after a time, by name."""
+        numbers = Counter(
+            frame[7:10]
+            for at_s, frame in zip(self._times, self.frames, strict=True)
+            if at_s > since_s
+        )
+        return {
+            SPEC_BY_ID[int.from_bytes(number, "little")].name: count
+            for number, count in numbers.items()
+        }
+
+    def change(self, **parameters):
+        """Set parameters in flight."""
+        for name, value in parameters.items():
+            self.vehicle.autopilot.parameters.set(name, value)
+        return self
 
     def texts(self):
         """Return all STATUSTEXTs, with chunks joined and without PX4's tab."""

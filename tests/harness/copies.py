@@ -13,13 +13,36 @@ from typing import Any, TypeVar
 
 from guidance.autopilots.description import Version
 from guidance.autopilots.rules import Finding, Rule
+from guidance.estimation.filters import Estimate, Height, Modes, Normal
+from guidance.estimation.measurement import Measurement
+from guidance.estimation.pace import Stamp
+from guidance.estimation.rivals import SourceReport
+from guidance.estimation.track import Accepted
+from guidance.estimation.velocity_check import PlaneReport
+from guidance.frames import Ned
+from guidance.messages import AltitudeSaid, EvaderReport
 from sitl_mock.mavlink import MessageSpec
 from sitl_mock.protocols import Parameter
-from sitl_mock.vehicle.modes import Mode, Transition
+from sitl_mock.vector import Vector
+from sitl_mock.vehicle.modes import Available, Mode, Transition
 
 World = TypeVar("World")
-UNCHANGING = (Struct, itemgetter, Parameter, MessageSpec, Mode, Transition, Rule, Finding, Version)
-"""Immutable types, shared between copies: a vehicle's tables hold about a thousand of them."""
+TABLES = (
+    Struct,
+    itemgetter,
+    Parameter,
+    MessageSpec,
+    Mode,
+    Available,
+    Transition,
+    Rule,
+    Finding,
+    Version,
+)
+REPORTS = (AltitudeSaid, EvaderReport, Measurement, SourceReport, PlaneReport, Stamp, Ned, Vector)
+ESTIMATES = (Accepted, Estimate, Modes, Normal, Height)
+UNCHANGING = (*TABLES, *REPORTS, *ESTIMATES)
+"""Immutable types, shared between copies: a vehicle's tables, and an evader's track, hold thousands of them."""
 
 
 @contextmanager

@@ -133,7 +133,27 @@ class Sortie:
         self.world.close()
 
 
-class Stepped(Sortie):
+STAGES = ("until_ready", "start", "engage", "arrive")
+"""Methods that fly the beginning of a sortie, each from where the one before it ends."""
+
+
+class Staged(Sortie):
+    """A sortie whose kind has the last three methods of `STAGES`."""
+
+    def until_ready(self):
+        return self.until(State.READY)
+
+    def standing_by(self):
+        return self.until_ready().start()
+
+    def engaged(self):
+        return self.standing_by().engage()
+
+    def on_station(self):
+        return self.engaged().arrive()
+
+
+class Stepped(Staged):
     """The flight core in the world of `scenario run`, with orders given by the test."""
 
     LIMIT_S = 120.0
@@ -178,20 +198,19 @@ class Stepped(Sortie):
             pytest.fail(f"the mock is in {self.mock.mode}, not in {mode}, after {limit_s} s")
         return self
 
-    def standing_by(self):
-        self.until(State.READY).run(until=lambda: self.evader.ready)
+    def start(self):
+        self.run(until=lambda: self.evader.ready)
         self.cycle(Event.START)
         return self.until(State.STANDING_BY)
 
-    def engaged(self):
-        self.standing_by()
+    def engage(self):
         self.cycle(Event.ENGAGE)
         self.until(State.ENGAGED)
         self.evader_plays = True
         return self
 
-    def on_station(self):
-        return self.engaged().until(State.ON_STATION, limit_s=40.0)
+    def arrive(self):
+        return self.until(State.ON_STATION, limit_s=40.0)
 
 
 class Sorties:
@@ -213,16 +232,26 @@ class Sorties:
         )
 
     def ready(self, *which, **more):
-        return self.after(_ready, *which, **more)
+        return self._kept(self._begun("until_ready", which, more))
 
     def standing_by(self, *which, **more):
-        return self.after(self.kind.standing_by, *which, **more)
+        return self._kept(self._begun("start", which, more))
 
     def engaged(self, *which, **more):
-        return self.after(self.kind.engaged, *which, **more)
+        return self._kept(self._begun("engage", which, more))
 
     def on_station(self, *which, **more):
-        return self.after(self.kind.on_station, *which, **more)
+        return self._kept(self._begun("arrive", which, more))
+
+    def _begun(self, stage, which, more):
+        """Return a copy of a sortie at the end of a stage; the stages before it are flown once, too."""
+
+        def fly():
+            before = STAGES[: STAGES.index(stage)]
+            sortie = self._begun(before[-1], which, more) if before else self.kind(*which, **more)
+            return getattr(sortie, stage)()
+
+        return self.flown((stage, repr((which, sorted(more.items())))), fly, self.kind.history)
 
     def _kept(self, sortie):
         self.made.append(sortie)
@@ -231,7 +260,3 @@ class Sorties:
     def close(self):
         while self.made:
             self.made.pop().close()
-
-
-def _ready(sortie):
-    return sortie.until(State.READY)

@@ -29,7 +29,7 @@ from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from sitl_mock import Home, MockVehicle
 from sitl_mock.mavlink import Signing
-from tests.harness.sortie import Sortie, Sorties
+from tests.harness.sortie import Sorties, Staged
 from tests.harness.vehicle import FENCED, document
 
 HERE = Home(47.397742, 8.545594, 488.0)
@@ -67,7 +67,7 @@ class KeptNotifier(Notifier):
         self.said.append(text)
 
 
-class Ordered(Sortie):
+class Ordered(Staged):
     """One daemon, its vehicle and its evader; `source` makes another evader, which needs no vehicle.
 
     With `stations` ground stations see the flight, and those with these system ids may order. `port` may
@@ -170,15 +170,16 @@ class Ordered(Sortie):
             self.cycle()
         return question.result()
 
-    def standing_by(self):
-        self.until(State.READY)
+    def start(self):
         assert self.order("start")["accepted"]
         return self.until(State.STANDING_BY)
 
-    def engaged(self):
-        self.standing_by()
+    def engage(self):
         assert self.order("engage")["accepted"]
         return self.until(State.ENGAGED)
+
+    def arrive(self):
+        return self.until(State.ON_STATION)
 
     def history(self):
         return [*super().history(), *self.log.lines]
