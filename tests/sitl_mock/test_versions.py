@@ -54,9 +54,10 @@ def fly_version(spec, **settings):
     return flight.run(1.0)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "value"),
-    [
+def test_arducopter_4_7_has_the_new_names_and_units_only(fly):
+    recorded = fly("arducopter").run(1.0)
+    later = fly_version("arducopter@4.7")
+    for old, new, value in (
         ("RTL_ALT", "RTL_ALT_M", 15.0),
         ("WPNAV_SPEED", "WP_SPD", 10.0),
         ("ANGLE_MAX", "ATC_ANGLE_MAX", 30.0),
@@ -66,15 +67,11 @@ def fly_version(spec, **settings):
         ("PSC_ACCZ_P", "PSC_D_ACC_P", 0.05),
         ("SR0_POSITION", "MAV1_POSITION", 0.0),
         ("GPS_TYPE", "GPS1_TYPE", 1.0),
-    ],
-)
-def test_arducopter_4_7_has_the_new_names_and_units_only(fly, old, new, value):
-    recorded = fly("arducopter").run(1.0)
-    assert read(recorded, new) is None
-    assert read(recorded, old) is not None
-    later = fly_version("arducopter@4.7")
-    assert read(later, old) is None
-    assert read(later, new) == pytest.approx(value)
+    ):
+        assert read(recorded, new) is None, new
+        assert read(recorded, old) is not None, old
+        assert read(later, old) is None, old
+        assert read(later, new) == pytest.approx(value), new
 
 
 def test_arducopter_4_7_flies_by_its_own_parameters():

@@ -152,9 +152,8 @@ def test_a_rover_stays_in_loiter_and_a_lost_radio_sends_it_home(fly, ned_velocit
     [(0.12, 1, 2, "LAND"), (0.05, 0, 2, "RTL"), (0.05, 1, 2, "LAND")],
 )
 def test_battery_failsafes_do_what_their_parameters_say(fly, charge, low, critical, mode):
-    flight = fly.airborne(
-        "arducopter", parameters={"BATT_FS_LOW_ACT": low, "BATT_FS_CRT_ACT": critical}, height=5.0
-    )
+    flight = fly.airborne("arducopter", height=5.0)
+    flight.change(BATT_FS_LOW_ACT=low, BATT_FS_CRT_ACT=critical)
     flight.vehicle.inject("battery", charge)
     flight.run(0.5)
     assert flight.mode == mode

@@ -18,7 +18,7 @@ def loitering(fly):
     """A copter in LOITER at 30 m under a client that pushes it forward; parameters by keyword."""
 
     def made(**parameters):
-        flight = fly.airborne("arducopter", source=GROUND, height=30.0, parameters=parameters)
+        flight = fly.airborne("arducopter", source=GROUND, height=30.0).change(**parameters)
         flight.command(176, 1, 5)
         return flight.run(2.0, override(CENTRE, FORWARD, CENTRE, CENTRE), 0.1)
 
@@ -78,7 +78,8 @@ def test_manual_control_expires_like_an_override(loitering):
 
 
 def test_a_switch_above_channel_8_changes_the_mode(fly):
-    flight = fly.airborne("arducopter", source=GROUND, parameters={"FLTMODE_CH": 9, "FLTMODE1": 9})
+    flight = fly.airborne("arducopter", source=GROUND, height=30.0)
+    flight.change(FLTMODE_CH=9, FLTMODE1=9)
     flight.send("RC_CHANNELS_OVERRIDE", 1, 1, *[UNCHANGED] * 8, 1000, *[0] * 9)
     flight.run(0.3)
     assert flight.mode == "LAND"

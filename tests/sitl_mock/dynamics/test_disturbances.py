@@ -20,7 +20,7 @@ def run_wander(seed: int, steps: int, dt_s: float) -> tuple[np.ndarray, np.ndarr
     return np.array(places), np.array(speeds)
 
 
-@pytest.mark.parametrize("dt_s", [0.05, 0.2])
+@pytest.mark.parametrize("dt_s", [0.2, 1.0])
 def test_the_estimators_error_has_the_measured_spread_at_any_step(dt_s):
     places, speeds = run_wander(1, round(8000 / dt_s), dt_s)
     assert places.std(axis=0) == pytest.approx([0.13, 0.21, 0.31], rel=0.12)
@@ -38,7 +38,7 @@ def test_a_seed_repeats_its_errors_and_another_does_not():
     assert not np.array_equal(run_wander(3, 50, 0.1)[0], run_wander(4, 50, 0.1)[0])
 
 
-@pytest.mark.parametrize("dt_s", [0.02, 0.5])
+@pytest.mark.parametrize("dt_s", [0.1, 0.5])
 def test_gusts_have_the_claimed_spread_at_any_step(dt_s):
     random = Random(5)
     gust = ZERO

@@ -26,23 +26,41 @@ class Rig:
         self.dt_s = dt_s
         self.now_s = 0.0
         self.count = 0
-        self.heard = []
         self.frames = []
-        self.broken = 0
+        self._heard = []
+        self._broken = 0
+        self._read_frames = 0
         nowhere = SimpleNamespace(write=lambda _: None)
         self.client = dialect.MAVLink(nowhere, 255, 190)
         self.parser = dialect.MAVLink(nowhere, 255, 190)
         self.parser.robust_parsing = True
+        self._reader = dialect.MAVLink(nowhere, 255, 190)
         self._hear(self.faulted.step(0.0))
 
     def _hear(self, frames):
         self.frames += [(self.now_s, frame) for frame in frames]
-        for frame in frames:
+
+    @property
+    def heard(self):
+        """Every message so far, with its time of arrival."""
+        self._read_on()
+        return self._heard
+
+    @property
+    def broken(self):
+        """Number of frames that were no messages."""
+        self._read_on()
+        return self._broken
+
+    def _read_on(self):
+        """Frames are read when a test asks for them all; `all` reads those of one name."""
+        for at_s, frame in self.frames[self._read_frames :]:
             for message in self._read(frame):
                 if message.get_type() == "BAD_DATA":
-                    self.broken += 1
+                    self._broken += 1
                 else:
-                    self.heard.append((self.now_s, message))
+                    self._heard.append((at_s, message))
+        self._read_frames = len(self.frames)
 
     def _read(self, frame):
         """A frame that is whole and true is one message; whatever else comes goes through the parser of streams."""
@@ -71,19 +89,33 @@ class Rig:
 
     def command(self, number, *params, wait_s=0.1):
         """Send a command; return (component, result) of the answers that come within wait_s."""
-        since = len(self.heard)
+        since = len(self.frames)
         fill = [math.nan if self.flavour == "px4" else 0.0] * (7 - len(params))
         self.send("COMMAND_LONG", 1, 1, number, 0, *params, *fill)
         self.run(wait_s)
         return [
             (m.get_srcComponent(), m.result)
-            for _, m in self.heard[since:]
-            if m.get_type() == "COMMAND_ACK" and m.command == number
+            for _, m in self._named("COMMAND_ACK", self.frames[since:])
+            if m.command == number
         ]
 
     def all(self, name, since_s=0.0, until_s=math.inf):
         """Messages of a name with their arrival times."""
-        return [(t, m) for t, m in self.heard if m.get_type() == name and since_s <= t < until_s]
+        return self._named(name, [each for each in self.frames if since_s <= each[0] < until_s])
+
+    def _named(self, name, frames):
+        number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
+        of_v2 = number.to_bytes(3, "little")
+        found = []
+        for at_s, frame in frames:
+            if (
+                frame[7:10] == of_v2
+                if frame[0] == dialect.PROTOCOL_MARKER_V2
+                else frame[5] == number
+            ):
+                with contextlib.suppress(dialect.MAVError):
+                    found.append((at_s, self._reader.decode(bytearray(frame))))
+        return found
 
     def airborne(self, height_m=10.0):
         """Arm, take off, hover."""

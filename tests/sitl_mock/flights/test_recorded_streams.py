@@ -11,6 +11,7 @@ import pytest
 from sitl_mock.compare import behaviour_of, differences, fly_recording
 from tests.sitl_mock.flights.recorded import recording, streams_of
 
+pytestmark = pytest.mark.flight
 CHASES = ("px4_chase", "arducopter_chase")
 SPAN = 4.0
 """A field's range on the mock is neither so much wider nor so much narrower than the recorded one."""

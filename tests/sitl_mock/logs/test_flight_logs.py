@@ -39,14 +39,19 @@ class Flight:
 
     def step(self, *messages, steps=1):
         """Send messages in the first of some steps; return what came."""
-        came = []
+        frames = self.pass_by(*messages, steps=steps)
+        came = [message for frame in frames for message in self._decoder.feed(frame, whole=True)]
+        self.came += came
+        return came
+
+    def pass_by(self, *messages, steps=1):
+        """Send messages in the first of some steps; return the frames that came, unread."""
+        frames = []
         for index in range(steps):
             self.now_s += 0.02
             sent = [self._encoder.pack(*message) for message in messages] if index == 0 else []
-            for frame in self.vehicle.step(self.now_s, sent):
-                came += self._decoder.feed(frame, whole=True)
-        self.came += came
-        return came
+            frames += self.vehicle.step(self.now_s, sent)
+        return frames
 
     def command(self, number, *params):
         filled = (*params, *(0.0,) * (7 - len(params)))
@@ -58,19 +63,19 @@ class Flight:
         if self.vehicle.flavour == "px4":
             self.command(TAKE_OFF, 0, 0, 0, math.nan, math.nan, math.nan, 493.0)
             self.command(ARM, 1)
-            self.step(steps=400)
-            self.step(NORTH_2_M_S)
+            self.pass_by(steps=400)
+            self.pass_by(NORTH_2_M_S)
             self.command(SET_MODE, 1, 6)
         else:
             self.command(SET_MODE, 1, 4)
             self.command(ARM, 1)
             self.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, 5.0)
-            self.step(steps=400)
+            self.pass_by(steps=400)
         for _ in range(200):
-            self.step(NORTH_2_M_S)
+            self.pass_by(NORTH_2_M_S)
         self.command(*((LAND,) if self.vehicle.flavour == "px4" else (SET_MODE, 1, 9)))
         while self.vehicle.armed:
-            self.step()
+            self.pass_by()
 
     def listed(self):
         came = self.step(("LOG_REQUEST_LIST", 1, 1, 0, 0xFFFF), steps=2)

@@ -117,7 +117,7 @@ def test_a_wait_is_kept_and_a_speed_change_is_obeyed(fly):
 
 
 def test_an_uploaded_circle_is_a_fence(fly, ned_velocity):
-    flight = fly.airborne("px4", parameters={"GF_ACTION": 3}, height=8.0)
+    flight = fly.airborne("px4", height=8.0).change(GF_ACTION=3)
     lat, lon, _ = flight.vehicle.autopilot.frame.to_geodetic(0.0, 0.0, 0.0)
     circle = (0, 5003, 0, 1, 25.0, 0.0, 0.0, 0.0, round(lat * 1e7), round(lon * 1e7), 0.0)
     assert upload(flight, [circle], FENCE) == ACCEPTED
@@ -128,7 +128,7 @@ def test_an_uploaded_circle_is_a_fence(fly, ned_velocity):
 
 
 def test_an_uploaded_polygon_is_a_fence(fly, ned_velocity):
-    flight = fly.airborne("px4", parameters={"GF_ACTION": 2}, height=8.0)
+    flight = fly.airborne("px4", height=8.0).change(GF_ACTION=2)
     corners = [(-20.0, -20.0), (-20.0, 20.0), (20.0, 20.0), (20.0, -20.0)]
     items = []
     for corner in corners:

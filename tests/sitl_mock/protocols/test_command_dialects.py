@@ -31,10 +31,12 @@ DEPARTURES = {
 """Answers that differ on purpose, each with its reason."""
 
 
-def asked(fly, flavour, kind, number):
-    """Answers of a fresh mock."""
+UNSUPPORTED = [3]
+
+
+def asked(flight, kind, number):
+    """Answers of a mock."""
     value = PARAMETERS[kind]
-    flight = fly(flavour, ready_after_s=0.1).run(0.3)
     if kind.endswith("integers"):
         return flight.command_int(number, 3, *[value] * 4)
     return flight.command(number, *[value] * 7, wait_s=0.06)
@@ -44,12 +46,18 @@ def asked(fly, flavour, kind, number):
     ("flavour", "kind"), [(flavour, kind) for flavour, kinds in REAL.items() for kind in kinds]
 )
 def test_row_26_every_command_is_answered_as_the_real_one_does(fly, flavour, kind):
-    different = {
-        (flavour, kind, number): (found, group["answers"])
-        for group in REAL[flavour][kind]
-        for number in group["commands"]
-        if (found := asked(fly, flavour, kind, number)) != group["answers"]
-    }
+    """What is unsupported changes nothing, so one vehicle is asked for all of it."""
+
+    def fresh():
+        return fly(flavour, ready_after_s=0.1).run(0.3)
+
+    same = fresh()
+    different = {}
+    for group in REAL[flavour][kind]:
+        for number in group["commands"]:
+            found = asked(same if group["answers"] == UNSUPPORTED else fresh(), kind, number)
+            if found != group["answers"]:
+                different[flavour, kind, number] = (found, group["answers"])
     assert different.keys() == {each for each in DEPARTURES if each[:2] == (flavour, kind)}, (
         different
     )

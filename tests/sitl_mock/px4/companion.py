@@ -5,6 +5,7 @@ from typing import Any
 
 from sitl_mock import MockVehicle
 from sitl_mock.mavlink import Decoder, Encoder
+from sitl_mock.mavlink.dialect import spec_of
 from sitl_mock.px4.messages import message_type
 from sitl_mock.px4.topic_link import PUBLISHED, SUBSCRIBED, frame_of, sample_of
 from sitl_mock.vehicle.link import TOPICS
@@ -20,8 +21,6 @@ class Companion:
     Attributes:
         vehicle: The mock.
         now_s: Present time.
-        heard: Every message so far, with its time, by topic.
-        mavlink: Every MAVLink message so far.
         answers: Answers arming checks with these fields, by registration; None: stays silent.
     """
 
@@ -35,13 +34,11 @@ class Companion:
             log_bytes=0,
         )
         self.now_s = 0.0
-        self.heard: dict[str, list[tuple[float, Any]]] = {}
-        self.mavlink: list[Any] = []
         self.answers: dict[int, dict[str, Any] | None] = {}
-        self.samples: list[tuple[float, str, bytes]] = []
+        self._samples: dict[str, list[tuple[float, bytes]]] = {}
+        self._sent: list[bytes] = []
         self._waiting: list[bytes] = []
         self._frames: list[bytes] = []
-        self._decoder = Decoder()
         self._encoder = Encoder(255, 190)
         self._requests = 0
 
@@ -58,8 +55,7 @@ class Companion:
             out = self.vehicle.step_links(self.now_s, taken)
             for frame in out["topics"]:
                 self._hear(frame)
-            for frame in out["onboard"]:
-                self.mavlink += self._decoder.feed(frame, whole=True)
+            self._sent += out["onboard"]
 
     def until(self, condition, seconds: float = 60.0) -> float:
         """Let time pass until a condition holds; return how long that took."""
@@ -71,10 +67,9 @@ class Companion:
 
     def _hear(self, frame: bytes) -> None:
         topic, payload = sample_of(frame)
-        self.samples.append((self.now_s, topic, payload))
-        message = message_type(PUBLISHED[topic]).read(payload)
-        self.heard.setdefault(topic, []).append((self.now_s, message))
+        self._samples.setdefault(topic, []).append((self.now_s, payload))
         if topic == "arming_check_request":
+            message = message_type(PUBLISHED[topic]).read(payload)
             for registration, fields in self.answers.items():
                 if fields is not None:
                     self.send(
@@ -96,9 +91,15 @@ class Companion:
         """Send any bytes with the next step."""
         self._waiting.append(frame)
 
+    def heard(self, topic: str, since: int = 0) -> list[tuple[float, Any]]:
+        """Return the messages of a topic with their times, from the given one on."""
+        read = message_type(PUBLISHED[topic]).read
+        return [(at_s, read(payload)) for at_s, payload in self._samples.get(topic, [])[since:]]
+
     def last(self, topic: str) -> Any:
         """Return the last message of a topic, None if there was none."""
-        return self.heard[topic][-1][1] if self.heard.get(topic) else None
+        newest = self.heard(topic, since=-1)
+        return newest[0][1] if newest else None
 
     def register(self, name: str, *, answers: dict[str, Any] | None = None, **fields: Any) -> Any:
         """Register a mode with its arming check; return the reply."""
@@ -123,7 +124,7 @@ class Companion:
     ) -> int:
         """Send a command; return the result of its answer."""
         values = {f"param{index}": value for index, value in enumerate(params, start=1)}
-        known = len(self.heard.get("vehicle_command_ack", []))
+        known = len(self._samples.get("vehicle_command_ack", []))
         sender = {"source_system": 1, "source_component": 1, "from_external": True}
         self.send(
             topic,
@@ -134,7 +135,7 @@ class Companion:
             **{**sender, **fields},
         )
         self.step()
-        answers = self.heard.get("vehicle_command_ack", [])[known:]
+        answers = self.heard("vehicle_command_ack", since=known)
         assert [answer.command for _, answer in answers] == [number]
         return int(answers[0][1].result)
 
@@ -169,7 +170,9 @@ class Companion:
 
     def mavlink_messages(self, name: str) -> list[Any]:
         """Return the MAVLink messages of one kind so far."""
-        return [message for message in self.mavlink if message.get_type() == name]
+        number = spec_of(name).id_bytes
+        frames = [frame for frame in self._sent if frame[7:10] == number]
+        return [message for frame in frames for message in Decoder().feed(frame, whole=True)]
 
     # State
 

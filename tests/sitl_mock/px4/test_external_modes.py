@@ -6,6 +6,7 @@ import math
 import pytest
 
 from sitl_mock.px4.events import fnv1a
+from tests.harness.copies import copied
 from tests.sitl_mock.px4.companion import Companion, as_field
 
 HOLD = 4
@@ -20,12 +21,19 @@ def px4():
     return Companion()
 
 
-@pytest.fixture
-def flying(px4):
-    """In the air, with a registered mode 23 that may run."""
+@pytest.fixture(scope="module")
+def take_off():
+    """Fly a take-off with a registered mode once; its tests continue from copies."""
+    px4 = Companion()
     px4.register("Pursuit")
     px4.take_off()
     return px4
+
+
+@pytest.fixture
+def flying(take_off):
+    """In the air, with a registered mode 23 that may run."""
+    return copied(take_off)
 
 
 def test_a_mode_is_registered_with_a_number_and_an_arming_check(px4):
@@ -72,11 +80,11 @@ def test_arming_checks_are_asked_for_every_300_ms_and_only_while_there_are_any(p
     assert px4.last("arming_check_request") is None
     px4.register("Pursuit")
     px4.step(6.0)
-    asked_s = [at_s for at_s, _ in px4.heard["arming_check_request"]]
+    asked_s = [at_s for at_s, _ in px4.heard("arming_check_request")]
     gaps_s = [after - before for before, after in itertools.pairwise(asked_s)]
     assert min(gaps_s) > 0.3
     assert max(gaps_s) < 0.33
-    numbers = [message.request_id for _, message in px4.heard["arming_check_request"]]
+    numbers = [message.request_id for _, message in px4.heard("arming_check_request")]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
@@ -259,7 +267,9 @@ def test_a_control_mode_that_says_disarmed_stops_the_motors_for_up_to_half_a_sec
     flying.step(0.02)
     assert flying.last("vehicle_control_mode").source_id == 23
     flying.step(0.6)
-    fallen_m_s = max(message.vz for at_s, message in flying.heard["vehicle_local_position"][-80:])
+    fallen_m_s = max(
+        message.vz for at_s, message in flying.heard("vehicle_local_position", since=-80)
+    )
     assert 1.0 < fallen_m_s < 5.5
     assert flying.last("vehicle_control_mode").flag_armed
     flying.step(3.0)

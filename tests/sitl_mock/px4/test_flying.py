@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.flight
 NAN = math.nan
 PLACES = [(20.0, 0.0, 10.0), (20.0, 20.0, 15.0), (0.0, 20.0, 10.0)]
 

@@ -28,24 +28,7 @@ def test_disarmed_the_mode_is_accepted_without_a_stream_but_arming_is_not(fly):
     assert not flight.vehicle.armed
 
 
-@pytest.mark.parametrize("phase_s", [0.0, 0.02, 0.04, 0.06, 0.08])
-def test_offboard_is_really_accepted_within_0_12_s_of_the_first_setpoint(
-    fly, ned_velocity, phase_s
-):
-    flight = fly.airborne("px4")
-    flight.run(phase_s)
-    first_s = flight.now_s
-    accepted_s = None
-    while accepted_s is None:
-        flight.run(0.02, ned_velocity(1.0, 0.0, 0.0))
-        flight.send("COMMAND_LONG", 1, 1, 176, 0, 1.0, 6.0, *[math.nan] * 5)
-        if flight.mode == "OFFBOARD":
-            accepted_s = flight.now_s - first_s
-        assert flight.now_s - first_s < 0.3
-    assert 0.0 < accepted_s <= 0.13
-
-
-@pytest.mark.parametrize("phase_s", [0.0, 0.02, 0.04, 0.06, 0.08])
+@pytest.mark.parametrize("phase_s", [0.0, 0.06])
 def test_stream_loss_leads_to_return_after_1_s_and_the_heartbeat_says_so_in_2_s(
     fly, ned_velocity, phase_s
 ):
@@ -67,10 +50,8 @@ def test_stream_loss_leads_to_return_after_1_s_and_the_heartbeat_says_so_in_2_s(
 
 @pytest.mark.parametrize("action", [0, 5])
 def test_px4_goes_back_to_offboard_by_itself_when_setpoints_return(fly, ned_velocity, action):
-    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action}).offboard(
-        ned_velocity(2.0, 0.0, 0.0)
-    )
-    flight.run(3.0)
+    flight = fly.airborne("px4").change(COM_OBL_RC_ACT=action)
+    flight.offboard(ned_velocity(2.0, 0.0, 0.0)).run(3.0)
     assert flight.mode == {0: "RTL", 5: "HOLD"}[action]
     back_s = flight.until(lambda: flight.mode == "OFFBOARD", 1.0, ned_velocity(2.0, 0.0, 0.0))
     assert back_s <= 0.15
@@ -85,30 +66,23 @@ def test_the_intent_survives_return_landing_and_disarming(fly, ned_velocity):
 
 
 @pytest.mark.parametrize(
-    ("action", "mode"), [(3, "RTL"), (4, "LAND"), (5, "HOLD"), (6, "TERMINATION")]
+    ("action", "radio", "mode"),
+    [
+        (0, True, "POSCTL"),
+        (1, True, "ALTCTL"),
+        (2, True, "STABILIZED"),
+        (3, False, "RTL"),
+        (4, False, "LAND"),
+        (5, False, "HOLD"),
+        (6, False, "TERMINATION"),
+        (7, False, "disarmed"),
+    ],
 )
-def test_loss_action_is_what_com_obl_rc_act_says(fly, ned_velocity, action, mode):
-    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action}).offboard(
-        ned_velocity(1.0, 0.0, 0.0)
-    )
-    flight.run(1.5)
-    assert flight.mode == mode
-
-
-def test_loss_action_disarm_lets_it_fall(fly, ned_velocity):
-    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": 7}).offboard(
-        ned_velocity(1.0, 0.0, 0.0)
-    )
-    flight.run(1.5)
-    assert not flight.vehicle.armed
-
-
-@pytest.mark.parametrize(("action", "mode"), [(0, "POSCTL"), (1, "ALTCTL"), (2, "STABILIZED")])
-def test_with_a_radio_the_loss_action_falls_back_to_the_pilot(fly, ned_velocity, action, mode):
-    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action})
-    flight.vehicle.inject("rc", True)
+def test_loss_action_is_what_com_obl_rc_act_says(fly, ned_velocity, action, radio, mode):
+    flight = fly.airborne("px4").change(COM_OBL_RC_ACT=action)
+    flight.vehicle.inject("rc", radio)
     flight.offboard(ned_velocity(1.0, 0.0, 0.0)).run(1.5)
-    assert flight.mode == mode
+    assert (flight.mode if flight.vehicle.armed else "disarmed") == mode
 
 
 def test_one_hertz_holds_offboard_and_0_8_hertz_flips(fly, ned_velocity):
@@ -222,15 +196,6 @@ def test_velocity_with_height_holds_the_height(fly):
     assert flight.mode == "OFFBOARD"
 
 
-def test_taking_off_by_velocity_works(fly, ned_velocity):
-    flight = fly("px4").run(1.0)
-    climb = ned_velocity(0.0, 0.0, -1.0)
-    flight.offboard(climb)
-    assert flight.command(400, 1.0, wait_s=0.0) == [0]
-    flight.run(12.0, climb)
-    assert flight.height > 5.0
-
-
 def test_a_setpoint_outside_offboard_is_proof_of_life_and_nothing_else(fly, ned_velocity):
     flight = fly.airborne("px4")
     before = flight.position
@@ -312,7 +277,7 @@ def test_a_pilot_in_posctl_is_not_fought_by_the_stream(fly, ned_velocity):
 def test_sticks_do_not_leave_offboard_unless_com_rc_override_says_so(fly, ned_velocity):
     stream = ned_velocity(1.0, 0.0, 0.0)
     for override, mode in ((1, "OFFBOARD"), (3, "POSCTL")):
-        flight = fly.airborne("px4", parameters={"COM_RC_OVERRIDE": override})
+        flight = fly.airborne("px4").change(COM_RC_OVERRIDE=override)
         flight.vehicle.inject("rc", True)
         flight.offboard(stream).run(1.0, stream)
         flight.vehicle.inject("sticks", (0.0, 0.8, 0.0, 0.0))

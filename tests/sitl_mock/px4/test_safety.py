@@ -52,8 +52,7 @@ def test_a_radio_that_comes_back_does_not_end_the_return_but_a_mode_change_does(
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "HOLD"), (1, "HOLD"), (2, "RTL"), (3, "LAND")])
 def test_ground_station_loss_does_what_nav_dll_act_says(fly, action, mode):
-    flight = fly("px4", parameters={"NAV_DLL_ACT": action})
-    flight.airborne()
+    flight = fly.airborne("px4").change(NAV_DLL_ACT=action)
     flight.send("HEARTBEAT", 6, 8, 0, 0, 4, 3)
     flight.run(11.5)
     assert flight.mode == "HOLD"
@@ -66,9 +65,7 @@ def test_ground_station_loss_does_what_nav_dll_act_says(fly, action, mode):
 @pytest.mark.parametrize(("action", "mode"), [(1, "HOLD"), (2, "HOLD"), (3, "RTL"), (5, "LAND")])
 def test_fence_acts_at_once_in_offboard(fly, ned_velocity, action, mode):
     stream = ned_velocity(5.0, 0.0, 0.0)
-    flight = fly.airborne(
-        "px4", parameters={"GF_ACTION": action, "GF_MAX_HOR_DIST": 20.0}
-    ).offboard(stream)
+    flight = fly.airborne("px4").change(GF_ACTION=action, GF_MAX_HOR_DIST=20.0).offboard(stream)
     flight.until(lambda: flight.position[0] > 20.3, 20.0, stream)
     flight.run(0.1, stream)
     assert flight.mode == (mode if action > 1 else "OFFBOARD")
@@ -86,14 +83,14 @@ def test_fence_action_ends_when_back_inside(fly):
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "HOLD"), (2, "LAND"), (3, "RTL")])
 def test_critical_battery_does_what_com_low_bat_act_says(fly, action, mode):
-    flight = fly.airborne("px4", parameters={"COM_LOW_BAT_ACT": action})
+    flight = fly.airborne("px4").change(COM_LOW_BAT_ACT=action)
     flight.vehicle.inject("battery", 0.06)
     flight.run(6.0)
     assert flight.mode == mode
 
 
 def test_emergency_battery_lands(fly):
-    flight = fly.airborne("px4", parameters={"COM_LOW_BAT_ACT": 3})
+    flight = fly.airborne("px4")
     flight.vehicle.inject("battery", 0.04)
     flight.run(6.0)
     assert flight.mode == "LAND"
@@ -196,7 +193,7 @@ def test_manual_control_is_a_radio(fly):
 @pytest.mark.parametrize(("exception", "mode"), [(0, "RTL"), (2, "RTL"), (4, "OFFBOARD")])
 def test_a_lost_radio_is_borne_where_com_rcl_except_says_so(fly, ned_velocity, exception, mode):
     stream = ned_velocity(1.0, 0.0, 0.0)
-    flight = fly.airborne("px4", parameters={"COM_RCL_EXCEPT": exception})
+    flight = fly.airborne("px4").change(COM_RCL_EXCEPT=exception)
     flight.vehicle.inject("rc", True)
     flight.offboard(stream)
     flight.vehicle.inject("rc", False)
@@ -268,7 +265,7 @@ def test_a_disarmed_px4_says_when_its_ground_station_is_lost_and_back(fly):
 
 def test_sticks_that_stop_count_for_nothing_after_they_were_disabled(fly):
     """COM_RC_IN_MODE 4 in flight, as the real PX4 v1.17: it stays in its hold."""
-    flight = fly.airborne("px4", source=(255, 190), parameters={"COM_RC_IN_MODE": 1})
+    flight = fly.airborne("px4").change(COM_RC_IN_MODE=1)
     sticks = ("MANUAL_CONTROL", 1, 0, 0, 500, 0, 0, 0, 0, *[0] * 8)
     flight.run(3.0, sticks, every_s=0.1)
     flight.vehicle.autopilot.parameters.set("COM_RC_IN_MODE", 4)

@@ -97,11 +97,16 @@ def test_a_vehicle_that_has_landed_stays_down_and_disarms(fly, name, order, afte
     flight.until(lambda: flight.vehicle.truth.on_ground, 30.0)
     flight.run(after_s)
     ordered(flight, order)
-    highest_m = 0.0
-    for _ in range(60):
-        flight.run(0.5)
-        highest_m = max(highest_m, flight.height)
-    assert highest_m < 0.1
+    heights_m = []
+
+    def is_disarmed():
+        heights_m.append(flight.height)
+        return not flight.vehicle.armed
+
+    flight.until(is_disarmed, 15.0)
+    assert max(heights_m) < 0.1
+    flight.run(2.0)
+    assert flight.height < 0.1
     assert not flight.vehicle.armed
 
 
