@@ -43,6 +43,19 @@ def rig(opened_once):
     return opened_once.fresh()
 
 
+@pytest.fixture(params=("pymavlink-udp", "mavsdk-udp"), scope="module")
+def opened_on_udp(request, router):
+    kind, opened = RIGS[request.param]
+    with opened(kind, router) as rig:
+        yield rig
+
+
+@pytest.fixture
+def protocol(opened_on_udp):
+    """A link over MAVLink on one wire: what it says and understands; wires pass whole frames on."""
+    return opened_on_udp.fresh()
+
+
 @pytest.fixture(params=EVERY, scope="module")
 def any_opened(request, router):
     kind, opened = EVERY[request.param]
@@ -104,10 +117,10 @@ def test_one_call_is_one_setpoint_and_nothing_follows(any_rig):
     assert any_rig.counted("setpoints_sent") == 3
 
 
-def test_a_setpoint_is_addressed_to_the_vehicle_in_its_local_frame(rig):
-    rig.link.send_setpoint(FLY)
-    assert rig.hear(lambda got: bool(rig.setpoints()))
-    (sent,) = rig.peer.of("SET_POSITION_TARGET_LOCAL_NED")
+def test_a_setpoint_is_addressed_to_the_vehicle_in_its_local_frame(protocol):
+    protocol.link.send_setpoint(FLY)
+    assert protocol.hear(lambda got: bool(protocol.setpoints()))
+    (sent,) = protocol.peer.of("SET_POSITION_TARGET_LOCAL_NED")
     assert (sent.target_system, sent.target_component) == (1, 1)
     assert (sent.coordinate_frame, sent.type_mask) == (1, 2503)
     assert (sent.get_srcSystem(), sent.get_srcComponent()) == (1, 195)
@@ -143,68 +156,77 @@ def asked(rig: Rig) -> list:
     ]
 
 
-def test_a_question_is_repeated_until_it_is_answered(rig):
-    rig.peer.answers = False
-    rig.link.request(STREAM)
-    assert rig.hear(lambda got: len(asked(rig)) == 2)
-    assert [message.confirmation for message in asked(rig)] == [0, 1]
-    rig.peer.answers = True
-    assert rig.hear(lambda got: any(message.command == 511 for message in rig.of(CommandAck)))
+def test_a_question_is_repeated_until_it_is_answered(protocol):
+    protocol.peer.answers = False
+    protocol.link.request(STREAM)
+    assert protocol.hear(lambda got: len(asked(protocol)) == 2)
+    assert [message.confirmation for message in asked(protocol)] == [0, 1]
+    protocol.peer.answers = True
+    assert protocol.hear(
+        lambda got: any(message.command == 511 for message in protocol.of(CommandAck))
+    )
     settle()  # one may have been on its way when the answer came
-    count = len(asked(rig))
+    count = len(asked(protocol))
     for _ in range(3):
-        rig.received += rig.link.receive()
+        protocol.received += protocol.link.receive()
         settle()
-    assert len(asked(rig)) == count <= 4
-    assert rig.counted("requests_unanswered") == 0
+    assert len(asked(protocol)) == count <= 4
+    assert protocol.counted("requests_unanswered") == 0
 
 
-def test_an_unanswered_question_ends_after_its_repeats(rig):
-    rig.peer.answers = False
-    rig.link.request(STREAM)
-    assert rig.hear(lambda got: rig.counted("requests_unanswered") == 1)
-    assert len(asked(rig)) == 4
+def test_an_unanswered_question_ends_after_its_repeats(protocol):
+    protocol.peer.answers = False
+    protocol.link.request(STREAM)
+    assert protocol.hear(lambda got: protocol.counted("requests_unanswered") == 1)
+    assert len(asked(protocol)) == 4
 
 
-def test_a_command_that_acts_goes_out_once_even_without_an_answer(rig):
-    rig.peer.answers = False
-    rig.link.request(ARM)
-    assert rig.hear(lambda got: rig.counted("requests_unanswered") == 1)
+def test_a_command_that_acts_goes_out_once_even_without_an_answer(protocol):
+    protocol.peer.answers = False
+    protocol.link.request(ARM)
+    assert protocol.hear(lambda got: protocol.counted("requests_unanswered") == 1)
     settle()
-    assert sum(message.command == 400 for message in rig.peer.of("COMMAND_LONG")) == 1
+    assert sum(message.command == 400 for message in protocol.peer.of("COMMAND_LONG")) == 1
 
 
-def test_nan_parameters_arrive_as_nan(rig):
-    rig.link.request(
+def test_nan_parameters_arrive_as_nan(protocol):
+    protocol.link.request(
         Command(22, (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 20.0))
     )
-    assert rig.hear(lambda got: any(message.command == 22 for message in rig.of(CommandAck)))
-    (takeoff,) = [message for message in rig.peer.of("COMMAND_LONG") if message.command == 22]
+    assert protocol.hear(
+        lambda got: any(message.command == 22 for message in protocol.of(CommandAck))
+    )
+    (takeoff,) = [message for message in protocol.peer.of("COMMAND_LONG") if message.command == 22]
     assert math.isnan(takeoff.param1)
     assert takeoff.param7 == 20.0
 
 
-def test_parameters_come_back_as_numbers(rig):
-    rig.peer.parameters = {"COM_RCL_EXCEPT": 4, "COM_FLTMODE1": -1, "MPC_XY_VEL_MAX": 12.5}
-    for name in rig.peer.parameters:
-        rig.link.request(ParameterRequest(name))
-    assert rig.hear(
-        lambda got: {message.name for message in rig.of(Parameter)} == set(rig.peer.parameters)
+def test_parameters_come_back_as_numbers(protocol):
+    protocol.peer.parameters = {"COM_RCL_EXCEPT": 4, "COM_FLTMODE1": -1, "MPC_XY_VEL_MAX": 12.5}
+    for name in protocol.peer.parameters:
+        protocol.link.request(ParameterRequest(name))
+    assert protocol.hear(
+        lambda got: (
+            {message.name for message in protocol.of(Parameter)} == set(protocol.peer.parameters)
+        )
     )
-    assert {message.name: message.value for message in rig.of(Parameter)} == rig.peer.parameters
+    assert {
+        message.name: message.value for message in protocol.of(Parameter)
+    } == protocol.peer.parameters
 
 
-def test_parameters_are_set_as_px4_reads_them(rig):
-    rig.link.request(ParameterSet("COM_OBL_RC_ACT", 5.0, 6))
-    rig.link.request(ParameterSet("GF_MAX_HOR_DIST", 205.5, 9))
+def test_parameters_are_set_as_px4_reads_them(protocol):
+    protocol.link.request(ParameterSet("COM_OBL_RC_ACT", 5.0, 6))
+    protocol.link.request(ParameterSet("GF_MAX_HOR_DIST", 205.5, 9))
     wanted = {"COM_OBL_RC_ACT": b"\x05\0\0\0", "GF_MAX_HOR_DIST": struct.pack("<f", 205.5)}
 
     def heard(_):
         return {
-            one.param_id: struct.pack("<f", one.param_value) for one in rig.peer.of("PARAM_SET")
+            one.param_id: struct.pack("<f", one.param_value)
+            for one in protocol.peer.of("PARAM_SET")
         } == wanted
 
-    assert rig.hear(heard), rig.peer.of("PARAM_SET")
+    assert protocol.hear(heard), protocol.peer.of("PARAM_SET")
 
 
 def test_only_the_configured_system_and_component_is_accepted(rig):
@@ -262,41 +284,45 @@ def test_unread_messages_are_bounded(any_rig):
     assert any_rig.hear(lambda _: 9999 in positions(any_rig))
 
 
-def test_time_is_asked_for_and_answered(rig):
-    rig.peer.say(dialect.MAVLink_timesync_message(0, 4242))
-    assert rig.hear(lambda got: any(message.ts1 == 4242 for message in rig.peer.of("TIMESYNC")))
-    (answer,) = [message for message in rig.peer.of("TIMESYNC") if message.ts1 == 4242]
+def test_time_is_asked_for_and_answered(protocol):
+    protocol.peer.say(dialect.MAVLink_timesync_message(0, 4242))
+    assert protocol.hear(
+        lambda got: any(message.ts1 == 4242 for message in protocol.peer.of("TIMESYNC"))
+    )
+    (answer,) = [message for message in protocol.peer.of("TIMESYNC") if message.ts1 == 4242]
     assert answer.tc1 == pytest.approx(clock() * 1e9, abs=5 * SPEED * 1e9)
-    assert rig.hear(lambda got: any(message.tc1 == 0 for message in rig.peer.of("TIMESYNC")))
-    asked = [message for message in rig.peer.of("TIMESYNC") if message.tc1 == 0][-1]
-    rig.peer.say(dialect.MAVLink_timesync_message(123456789, asked.ts1))
-    assert rig.hear(lambda got: bool(rig.of(Timesync)))
-    assert rig.of(Timesync)[0][1:] == (123456789, asked.ts1)
+    assert protocol.hear(
+        lambda got: any(message.tc1 == 0 for message in protocol.peer.of("TIMESYNC"))
+    )
+    asked = [message for message in protocol.peer.of("TIMESYNC") if message.tc1 == 0][-1]
+    protocol.peer.say(dialect.MAVLink_timesync_message(123456789, asked.ts1))
+    assert protocol.hear(lambda got: bool(protocol.of(Timesync)))
+    assert protocol.of(Timesync)[0][1:] == (123456789, asked.ts1)
 
 
-def test_texts_are_joined(rig):
+def test_texts_are_joined(protocol):
     text = "Arming denied: Resolve system health failures first, then try again, and again"
-    rig.peer.say(dialect.MAVLink_statustext_message(2, text[:50].encode(), 8, 0))
-    rig.peer.say(dialect.MAVLink_statustext_message(2, text[50:].encode(), 8, 1))
-    assert rig.hear(lambda got: bool(rig.of(StatusText)))
-    assert [(message.severity, message.text) for message in rig.of(StatusText)] == [(2, text)]
+    protocol.peer.say(dialect.MAVLink_statustext_message(2, text[:50].encode(), 8, 0))
+    protocol.peer.say(dialect.MAVLink_statustext_message(2, text[50:].encode(), 8, 1))
+    assert protocol.hear(lambda got: bool(protocol.of(StatusText)))
+    assert [(message.severity, message.text) for message in protocol.of(StatusText)] == [(2, text)]
 
 
-def test_our_heartbeat_says_onboard_computer(rig):
-    rig.link.send_heartbeat()
-    assert rig.hear(lambda got: bool(rig.peer.of("HEARTBEAT")), timeout_s=4.0)
-    heartbeat = rig.peer.of("HEARTBEAT")[0]
+def test_our_heartbeat_says_onboard_computer(protocol):
+    protocol.link.send_heartbeat()
+    assert protocol.hear(lambda got: bool(protocol.peer.of("HEARTBEAT")), timeout_s=4.0)
+    heartbeat = protocol.peer.of("HEARTBEAT")[0]
     assert (heartbeat.type, heartbeat.autopilot, heartbeat.get_srcComponent()) == (18, 8, 195)
 
 
-def test_all_our_frames_are_numbered_as_one_senders(rig):
-    began = len(rig.peer.heard)
+def test_all_our_frames_are_numbered_as_one_senders(protocol):
+    began = len(protocol.peer.heard)
 
     def done(_):
-        rig.link.send_setpoint(FLY)
-        rig.link.request(ParameterRequest("NONE"))
-        rig.link.send_heartbeat()
-        names = {message.get_type() for message in rig.peer.heard[began:]}
+        protocol.link.send_setpoint(FLY)
+        protocol.link.request(ParameterRequest("NONE"))
+        protocol.link.send_heartbeat()
+        names = {message.get_type() for message in protocol.peer.heard[began:]}
         return names >= {
             "SET_POSITION_TARGET_LOCAL_NED",
             "PARAM_REQUEST_READ",
@@ -304,8 +330,8 @@ def test_all_our_frames_are_numbered_as_one_senders(rig):
             "TIMESYNC",
         }
 
-    assert rig.hear(done, timeout_s=4.0)
-    numbers = [message.get_seq() for message in rig.peer.heard[began:]]
+    assert protocol.hear(done, timeout_s=4.0)
+    numbers = [message.get_seq() for message in protocol.peer.heard[began:]]
     assert all((later - earlier) % 256 == 1 for earlier, later in itertools.pairwise(numbers))
 
 
