@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.autopilots import ARDUCOPTER, PX4, Verdict, autopilot_named
+from guidance.autopilots import Verdict, autopilot_named
 from guidance.preflight import Facts, parameter_names, refusals, rows
 from sitl_mock import MockVehicle
 from tests.preflight.wants import wants_of
@@ -211,9 +211,3 @@ def test_the_autopilots_defaults_are_refused_for_these_reasons_only(autopilot, r
     }
     judged = rows(Facts(parameters=parameters), autopilot_named(autopilot), WANTS)
     assert [name for name in refusals(judged) if name in parameters] == refused
-
-
-def test_profiles_differ_in_what_is_asked():
-    assert "COM_OF_LOSS_T" in parameter_names(PX4.versions[0])
-    assert "GUID_TIMEOUT" in parameter_names(ARDUCOPTER.versions[0])
-    assert not set(parameter_names(PX4.versions[0])) & set(parameter_names(ARDUCOPTER.versions[0]))

@@ -131,7 +131,7 @@ def test_a_position_is_needed_on_the_map_and_in_the_frame(message):
         ({"home_ned_m": (1001.0, 0.0, 0.0)}, "frame origin", "1001.0 m from home", 1000, REFUSE),
         ({"home_ned_m": (0.0, 9.0, 2000.0)}, "frame origin", "9.0 m from home", 1000, PASS),
         ({"home_told_m": (0.0, 0.0, 4.9)}, "home in the frame", "4.9 m apart", 5, PASS),
-        ({"home_told_m": (0.0, 0.0, 5.1)}, "home in the frame", "5.1 m apart", 5, REFUSE),
+        ({"home_told_m": (0.0, 0.0, -5.1)}, "home in the frame", "5.1 m apart", 5, REFUSE),
         ({"height_error_m": 4.9}, "local = global", "4.9 m apart", 5, PASS),
         ({"height_error_m": -5.1}, "local = global", "5.1 m apart", 5, REFUSE),
         ({"home_error_m": 2.9}, "datum of home", "2.9 m apart", 3, PASS),
@@ -189,8 +189,11 @@ def test_the_evaders_height_is_near_homes(evader_amsl_m, value, wanted, verdict)
     ],
 )
 def test_the_charge_covers_the_reserve_or_is_refused(messages, value, verdict):
-    row = judged(observe(VehicleState(), messages))["battery reserve"]
-    assert (row.value, row.verdict) == (value, verdict)
+    vehicle = observe(VehicleState(), messages)
+    row = judged(vehicle)["battery reserve"]
+    wanted = "at least 35%, to fly home from the edge of the fence"
+    assert said(row) == (value, wanted, verdict)
+    assert "battery reserve" not in judged(vehicle, wants=FOREIGN)
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,6 @@ from guidance.messages import (
     Parameter,
     ParameterRequest,
     PositionTarget,
-    SystemStatus,
 )
 from guidance.preflight import ASK_AGAIN_S, EVADER_HEARD_S, Facts, PreflightMemory, rows
 from guidance.preflight.fence import Uploaded
@@ -91,52 +90,6 @@ def test_a_vehicle_that_agrees_with_itself_passes_wherever_its_origin_is():
     for home in (REST, (300.0, -200.0, 12.0)):
         found = verdicts(vehicle_at((310.0, -205.0, -3.0), home_ned_m=home))
         assert {found[name] for name in PLACE} == {Verdict.PASS}
-
-
-def test_an_unknown_origin_is_refused():
-    found = rows(Facts(vehicle=observe(VehicleState(), [])), PX4, WANTS)
-    row = next(row for row in found if row.name == "local frame")
-    assert row.verdict is Verdict.REFUSE
-    assert row.wanted == "GPS_GLOBAL_ORIGIN and HOME_POSITION heard"
-
-
-def test_a_position_that_is_not_told_is_refused():
-    silent = observe(VehicleState(), [ORIGIN, Home(0.0, 47.397742, 8.545594, 488.0, Ned(REST))])
-    assert verdicts(silent)["position"] is Verdict.REFUSE
-
-
-def test_an_origin_left_over_from_another_field_is_refused():
-    assert verdicts(vehicle_at(home_ned_m=(5000.0, 0.0, 0.0)))["frame origin"] is Verdict.REFUSE
-
-
-def test_a_home_that_was_set_in_another_frame_is_refused():
-    assert (
-        verdicts(vehicle_at(home_told_m=(0.0, 0.0, -600.0)))["home in the frame"] is Verdict.REFUSE
-    )
-
-
-@pytest.mark.parametrize("error_m", [47.0, -600.0])
-def test_positions_that_contradict_each_other_are_refused(error_m):
-    assert verdicts(vehicle_at(height_error_m=error_m))["local = global"] is Verdict.REFUSE
-
-
-def test_a_home_above_another_zero_is_refused():
-    assert verdicts(vehicle_at(home_error_m=47.0))["datum of home"] is Verdict.REFUSE
-
-
-@pytest.mark.parametrize(
-    ("evader_amsl_m", "verdict"),
-    [
-        (488.0, "pass"),
-        (510.0, "pass"),
-        (535.0, "refuse"),
-        (688.0, "refuse"),
-        (0.0, "refuse"),
-        (None, "warn"),
-    ],
-)
-def test_an_evader_above_another_zero_is_refused(evader_amsl_m, verdict):
-    assert str(verdicts(vehicle_at(), evader_amsl_m)["evader's altitude"]) == verdict
 
 
 def streamed(rates_hz, seconds=4.0):
@@ -275,19 +228,3 @@ def test_a_home_elsewhere_is_warned_of_before_the_fence_lies_there(north_m, verd
     assert verdicts(vehicle)["vehicle at home"] is verdict
     armed = observe(vehicle, [Heartbeat(0.0, 0, True, 4, 12)])
     assert "vehicle at home" not in verdicts(armed)
-
-
-@pytest.mark.parametrize(
-    ("left", "verdict"), [(0.34, Verdict.REFUSE), (0.36, Verdict.PASS), (math.nan, Verdict.REFUSE)]
-)
-def test_the_battery_has_to_bring_it_home_from_the_edge_of_the_fence(left, verdict):
-    vehicle = observe(vehicle_at(), [SystemStatus(0.0, 0, 0, left)])
-    found = rows(
-        Facts(vehicle=vehicle, evader=evader_at(488.0)), PX4, wants_of(battery_needed=0.35)
-    )
-    (row,) = [row for row in found if row.name == "battery reserve"]
-    assert (row.verdict, row.wanted) == (
-        verdict,
-        "at least 35%, to fly home from the edge of the fence",
-    )
-    assert "battery reserve" not in verdicts(vehicle)
