@@ -123,7 +123,7 @@ BOTH = [({}, "px4", "POSCTL"), ({"parameters": SET_UP}, "arducopter", "LOITER")]
 def test_a_vehicle_that_a_pilot_armed_on_the_ground_is_refused_with_the_reason(
     base, given, autopilot, sticks
 ):
-    base = base(**given, vehicle={"autopilot": autopilot}).until(State.READY)
+    base = base.ready(**given, vehicle={"autopilot": autopilot})
     pilot(base, sticks)
     base.run(0.5)
     base.vehicle.autopilot.state.arm()
@@ -142,7 +142,7 @@ def test_a_vehicle_that_a_pilot_armed_on_the_ground_is_refused_with_the_reason(
 def test_a_start_right_after_somebody_disarmed_the_vehicle_is_refused_with_the_reason(
     base, given, autopilot, sticks
 ):
-    base = base(**given, vehicle={"autopilot": autopilot}).until(State.READY)
+    base = base.ready(**given, vehicle={"autopilot": autopilot})
     pilot(base, sticks)
     base.run(0.5)
     base.vehicle.autopilot.state.arm()
@@ -166,7 +166,7 @@ def mode_title(base):
 def test_an_order_right_after_the_start_is_accepted_and_leaves_the_vehicle_on_the_ground(
     base, given, autopilot, order
 ):
-    base = base(**given, vehicle={"autopilot": autopilot}).until(State.READY)
+    base = base.ready(**given, vehicle={"autopilot": autopilot})
     assert base.order("start")["accepted"]
     assert base.order(order)["accepted"]
     assert "it stands on the ground" in base.order("engage")["reason"] or order != "hold"
@@ -223,7 +223,7 @@ def test_the_status_is_plain_json_with_the_certificate_in_it(base):
     assert status["certificate"]["winner"] == "pursuer"
 
 
-def test_an_unsafe_autopilot_does_not_become_ready_and_says_how_to_mend_it(base):
+def test_an_unsafe_autopilot_does_not_become_ready_until_what_it_says_is_mended(base):
     base = base(parameters={}).run(8.0)
     assert base.state is State.CHECKING
     answer = base.order("start")
@@ -231,11 +231,6 @@ def test_an_unsafe_autopilot_does_not_become_ready_and_says_how_to_mend_it(base)
     assert "param set GF_MAX_HOR_DIST" in answer["reason"]
     assert base.order("status")["preflight_refused"] == ["GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"]
     assert "not ready" in base.log.messages(logging.WARNING)
-
-
-def test_a_parameter_that_is_mended_makes_the_vehicle_ready(base):
-    base = base(parameters={}).run(6.0)
-    assert base.state is State.CHECKING
     base.order("reset")  # reads everything anew
     gcs = mavlink.MAVLink(None, 255, 190)
     for name, value in (("GF_MAX_HOR_DIST", 150.0), ("GF_MAX_VER_DIST", 80.0)):
@@ -257,8 +252,7 @@ def test_arducopter_is_refused_for_its_three_second_timeout_and_its_open_fence(b
 
 
 def test_arducopter_flies_once_it_is_set_up(base):
-    base = base(parameters=SET_UP, vehicle={"autopilot": "arducopter"})
-    base.engaged().until(State.ON_STATION)
+    base.on_station(parameters=SET_UP, vehicle={"autopilot": "arducopter"})
 
 
 def test_after_capture_return_flies_home(base):

@@ -97,7 +97,7 @@ def test_orders_leave_nothing(grounded):
         daemon.step(0.02 * number)
         assert question.result(0.0)["order"] == words[number % 4]
 
-    objects, descriptors = growth(once, warm=20, times=400)
+    objects, descriptors = growth(once, warm=20, times=40)
     assert descriptors == 0
     assert objects < 20
 
@@ -111,6 +111,6 @@ def test_reloads_leave_nothing(grounded):
         assert daemon.flight is not before
         daemon.step(0.02 * number)
 
-    objects, descriptors = growth(once, warm=5, times=100)
+    objects, descriptors = growth(once, warm=5, times=30)
     assert descriptors == 0
     assert objects < 20

@@ -120,6 +120,7 @@ def test_ctrl_c_and_sigterm_end_the_children_too(tmp_path, number, code):
     assert readable_messages(tmp_path / "out" / "record.mcap") > 0
 
 
+@pytest.mark.flight
 def test_a_port_in_use_is_one_message_and_nothing_is_left_running(tmp_path):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -24,6 +24,7 @@ from tests.session.conftest import UNIX_S
 
 QGC = 255
 USER_1, USER_2, USER_3, USER_4, USER_5 = ORDERS
+STATIONS = [QGC, 254]
 KEY = bytes(range(32))
 
 
@@ -70,7 +71,7 @@ class Station:
 
 
 def test_a_ground_station_hears_a_heartbeat_a_second_each_state_once_and_the_evader(base):
-    base = base(stations=[QGC]).engaged().run(2.0)
+    base = base.engaged(stations=STATIONS).run(2.0)
     station = Station(base)
     beats_s = [sent.now_s for sent in station.heard("HEARTBEAT")]
     gaps_s = [later - sooner for sooner, later in pairwise(beats_s)]
@@ -91,13 +92,13 @@ def test_a_ground_station_hears_a_heartbeat_a_second_each_state_once_and_the_eva
 
 
 def test_a_station_that_may_order_ends_a_game_and_begins_none_without_signing(base):
-    base = base(stations=[QGC]).engaged()
+    base = base.engaged(stations=STATIONS)
     station = Station(base)
     assert station.order(USER_5) == [DENIED, DENIED]
     assert station.order(USER_4) == [DENIED, DENIED]
     assert station.order(512) == [UNSUPPORTED, UNSUPPORTED]
     assert base.state is State.ENGAGED
-    assert Station(base, system_id=254).order(USER_1) == []
+    assert Station(base, system_id=253).order(USER_1) == []
     station.send(USER_1, component_id=190)
     assert base.run(0.2).state is State.ENGAGED
     assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
@@ -109,7 +110,7 @@ def test_a_station_that_may_order_ends_a_game_and_begins_none_without_signing(ba
 
 
 def test_over_a_signed_link_a_station_starts_and_engages_and_unsigned_orders_are_dropped(base):
-    base = base(stations=[QGC], key=KEY).until(State.READY)
+    base = base.ready(stations=STATIONS, key=KEY)
     assert Station(base).order(USER_1) == []
     station = Station(base, key=KEY)
     assert station.order(USER_5) == [TEMPORARILY_REJECTED, TEMPORARILY_REJECTED]
@@ -125,7 +126,7 @@ def results(station, since):
 def test_a_hold_that_is_pressed_again_after_somebody_engaged_holds_though_it_calls_itself_a_repeat(
     base,
 ):
-    base = base(stations=[QGC]).engaged()
+    base = base.engaged(stations=STATIONS)
     station = Station(base)
     assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
     base.run(2.0)
@@ -139,8 +140,7 @@ def test_a_hold_that_is_pressed_again_after_somebody_engaged_holds_though_it_cal
 
 
 def test_a_repeated_start_or_engagement_does_not_begin_again_what_a_person_ended(base):
-    base = base(stations=[QGC], key=KEY)
-    base.standing_by()
+    base = base.standing_by(stations=STATIONS, key=KEY)
     station = Station(base, key=KEY)
     station.send(USER_5)
     base.until(State.ENGAGED)
@@ -157,7 +157,7 @@ def test_a_repeated_start_or_engagement_does_not_begin_again_what_a_person_ended
 
 
 def test_an_order_is_repeated_by_the_same_sender_with_the_same_parameters_only(base):
-    base = base(stations=[QGC, 254]).engaged()
+    base = base.engaged(stations=STATIONS)
     station = Station(base)
     assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
     station.send(USER_1, confirmation=1, parameter=float("nan"))
@@ -168,7 +168,7 @@ def test_an_order_is_repeated_by_the_same_sender_with_the_same_parameters_only(b
 
 
 def test_after_a_reset_a_repeated_hold_is_not_said_to_be_in_force(base):
-    base = base(stations=[QGC]).standing_by()
+    base = base.standing_by(stations=STATIONS)
     station = Station(base)
     assert station.order(USER_3) == [ACCEPTED, ACCEPTED]
     base.until(State.LANDED)
@@ -179,9 +179,9 @@ def test_after_a_reset_a_repeated_hold_is_not_said_to_be_in_force(base):
     assert results(station, heard) == [TEMPORARILY_REJECTED]
 
 
-@pytest.mark.parametrize("a_second", [50, 100])
-def test_unsigned_commands_do_not_crowd_out_a_signed_one(base, a_second):
-    base = base(stations=[QGC], key=KEY).engaged()
+def test_unsigned_commands_do_not_crowd_out_a_signed_one(base):
+    a_second = 100
+    base = base.engaged(stations=STATIONS, key=KEY)
     stranger = Station(base)
     station = Station(base, key=KEY)
     for _ in range(a_second):
@@ -193,7 +193,7 @@ def test_unsigned_commands_do_not_crowd_out_a_signed_one(base, a_second):
 
 
 def test_one_stations_commands_do_not_crowd_out_anothers(base):
-    base = base(stations=[QGC, 254]).engaged()
+    base = base.engaged(stations=STATIONS)
     for _ in range(50):
         Station(base, system_id=254).send(USER_4)
     Station(base).send(USER_1)

@@ -100,8 +100,13 @@ def looped(clock, works_s, signals=None, drain=list, record=None, ages_s=None):
 
 @pytest.fixture
 def clock():
-
     return VirtualClock()
+
+
+@pytest.fixture(autouse=True)
+def little_garbage(monkeypatch):
+    """Collecting the garbage of all tests at the start of each loop would take most of their time."""
+    monkeypatch.setattr(gc, "collect", lambda _generation=2: 0)
 
 
 def test_the_loop_keeps_its_grid_and_makes_up_for_nothing(clock):

@@ -79,24 +79,6 @@ def test_a_tight_fence_is_read_although_another_parameter_does_not_exist(base, a
     assert not one.order("start")["accepted"]
 
 
-@pytest.mark.parametrize(
-    ("autopilot", "corners"),
-    [
-        ("px4", (*SQUARE, SQUARE[0])),
-        ("px4", (SQUARE[0], *SQUARE)),
-        ("arducopter", (*SQUARE, (1, 1), (3, 1))),
-        ("arducopter", ((1, 1), (-1, -1), (1, -1), (-1, 1))),
-    ],
-    ids=["closed ring", "corner repeated", "spike", "self-crossing"],
-)
-def test_whatever_its_shape_a_tight_fence_is_refused(base, autopilot, corners):
-    one = base(**SET_UP[autopilot]).run(1.0)
-    upload(one, around(12.0, corners))
-    one.run(20.0)
-    assert fence_row(one).verdict == "refuse"
-    assert one.state is not State.READY
-
-
 @pytest.mark.parametrize("autopilot", SET_UP)
 def test_a_fence_uploaded_while_standing_by_is_judged_before_the_game(base, autopilot):
     one = base.standing_by(**SET_UP[autopilot])
