@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 from guidance.cli.program import app
 from guidance.cli.scenario import expected, facts_of, listing, names
 from guidance.config import find
-from guidance.errors import OutputError
 from guidance.sim.batch import stack
 from guidance.sim.maths import opening, play_scenarios
 from guidance.sim.scenario_file import load_any, load_scenario
@@ -41,14 +40,8 @@ def test_show_explains_a_scenario_and_writes_its_picture(tmp_path):
     assert (tmp_path / "wind.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_picture_that_cannot_be_written_is_said_by_its_name():
-    done = guidance("show", "wind", "--out", "/nowhere/wind.png")
-    assert isinstance(done.exception, OutputError)
-    assert "/nowhere/wind.png: cannot be written" in str(done.exception)
-
-
-@pytest.mark.parametrize("name", ["fence", "barrier_evader", "evader_turns", "straight_above"])
-def test_fences_targets_courses_and_degenerate_starts_are_drawn(name, tmp_path):
+@pytest.mark.parametrize("name", ["fence", "barrier_evader", "evader_turns"])
+def test_fences_targets_and_courses_are_drawn(name, tmp_path):
     draw_scenario(load_scenario(name)[1], tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 20_000
 

@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 import time
+from functools import cache
 from itertools import islice
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from typer.testing import CliRunner
 from guidance.cli.program import app
 from guidance.errors import ConfigError, GuidanceError
 from guidance.log import Survey, record_errors, scan
-from guidance.log.entries import CYCLE, EVENT, REPORT
+from guidance.log.entries import CYCLE, EVENT, REPORT, Item
 from guidance.log.writer import Recorder
 from tests.harness.examples import drawn
 
@@ -216,16 +217,23 @@ def spoilt(document, draw):
     return document
 
 
+@cache
+def beginning() -> tuple[list[Item], dict[str, str]]:
+    """Return the first messages of the short chase, and its metadata."""
+    survey = Survey()
+    items = list(islice(scan(SHORT, survey), 900))
+    return items, survey.metadata
+
+
 def mutated(out: Path, seed: int) -> None:
     """Copy the short chase with correct checksums and one wrong value in metadata, a cycle, an event or a report."""
     draw = random.Random(seed)
-    survey = Survey()
-    items = list(islice(scan(SHORT, survey), 900))
+    items, told = beginning()
     topics = [CYCLE.topic] * 6 + [EVENT.topic, REPORT.topic, None, None]
     topic = topics[seed % len(topics)]
     of_topic = [number for number, item in enumerate(items) if item.topic == topic]
     chosen = draw.choice(of_topic) if of_topic else None
-    metadata = dict(survey.metadata)
+    metadata = dict(told)
     if topic is None:
         scenario = spoilt(json.loads(metadata["scenario"]), draw)
         metadata["scenario"] = (

@@ -97,6 +97,12 @@ class StubBus:
         pass
 
 
+@pytest.fixture(scope="module")
+def cycles(record):
+    """Return the recorded cycles, as they are broadcast."""
+    return [item for item in scan(record) if item.topic == CYCLE.topic]
+
+
 @pytest.fixture
 def told(record):
     """A hub with one daemon, a function that adds news, and one that reads the messages for pages."""
@@ -306,8 +312,8 @@ def test_the_end_of_a_flight_is_shown_until_the_next_flight(told, record):
     assert told.read()["daemons"][0]["over"] is None
 
 
-def test_the_history_is_limited_to_five_minutes(told, record):
-    (last,) = [item for item in scan(record) if item.topic == CYCLE.topic][-1:]
+def test_the_history_is_limited_to_five_minutes(told, cycles):
+    last = cycles[-1]
     row = json.loads(last.data)
     for number in range(3000):
         data = json.dumps({**row, "now_s": row["now_s"] + 0.25 * number}).encode()
@@ -320,8 +326,8 @@ def test_the_history_is_limited_to_five_minutes(told, record):
     assert len(told.read(whole=True)["daemons"][0]["history"]["rows"]) == 1
 
 
-def test_a_silent_daemon_is_shown_as_lost(told, record):
-    (last,) = [item for item in scan(record) if item.topic == CYCLE.topic][-1:]
+def test_a_silent_daemon_is_shown_as_lost(told, cycles):
+    last = cycles[-1]
     told.tell(News("uav1", 100.0, last))
     for after_s, contact in ((0.5, "ok"), (1.5, "caution"), (2.5, "warning")):
         told.clock.sleep_until(100.0 + after_s)
@@ -373,8 +379,9 @@ BAD_EVENT = {"now_s": 2.0, "event": FLIGHT_OVER, "detail": DEEP}
         FoundFlight("uav1", {"config": DEEP}, ()),
     ],
 )
-def test_what_one_daemon_sends_wrong_is_its_fault_and_the_others_are_shown(told, record, bad):
-    cycles = [item for item in scan(record) if item.topic == CYCLE.topic]
+def test_what_one_daemon_sends_wrong_is_its_fault_and_the_others_are_shown(
+    told, record, cycles, bad
+):
     told.tell(found("uav2", metadata_of(record)), News("uav2", 100.0, cycles[50]))
     told.read()
     told.tell(News("uav1", 100.0, bad), News("uav2", 100.0, cycles[51]))

@@ -230,20 +230,24 @@ def test_the_tracks_are_those_that_were_flown(pe):
             assert math.dist(cycle.evader_m, sample.evader_m) < 1.0
 
 
+@functools.cache
+def drawn(path):
+    """Every figure of the story of a record. Read only."""
+    draws = (draw_tracks, written.draw_game, written.draw_velocities, written.draw_ages)
+    return [draw(told(path)) for draw in draws]
+
+
 def test_every_axis_has_a_name_and_every_quantity_its_unit(pe, tad):
     for _, path, _ in (pe, tad):
-        story = told(path)
-        for draw in (draw_tracks, written.draw_game, written.draw_velocities, written.draw_ages):
-            axes = draw(story).axes
+        for figure in drawn(path):
+            axes = figure.axes
             assert axes[-1].get_xlabel() in {"time, s", "x east, m"}
             for one in axes:
                 assert re.search(r", (m|s|ms|m/s)$", one.get_ylabel())
 
 
 def test_no_legend_covers_what_is_drawn(pe):
-    story = told(pe[1])
-    for draw in (draw_tracks, written.draw_game, written.draw_velocities, written.draw_ages):
-        figure = draw(story)
+    for figure in drawn(pe[1]):
         figure.canvas.draw()
         legends = [*figure.legends, *filter(None, (one.get_legend() for one in figure.axes))]
         assert legends
@@ -253,20 +257,20 @@ def test_no_legend_covers_what_is_drawn(pe):
 
 
 def test_without_colours_the_players_are_still_told_apart(pe):
-    plan = draw_tracks(told(pe[1])).axes[1]
-    drawn = {str(line.get_label()): line for line in plan.lines}
+    plan = drawn(pe[1])[0].axes[1]
+    lines = {str(line.get_label()): line for line in plan.lines}
     looks = [
         (line.get_linestyle(), line.get_marker(), line.get_linewidth())
-        for name, line in drawn.items()
+        for name, line in lines.items()
         if not name.startswith("_")
     ]
-    assert {"pursuer", "evader", "isochron at engagement", "isochron at capture"} <= drawn.keys()
+    assert {"pursuer", "evader", "isochron at engagement", "isochron at capture"} <= lines.keys()
     assert len(set(looks)) == len(looks)
 
 
 def test_the_guarantee_drawn_is_the_recorded_value_plus_time(pe):
     story = told(pe[1])
-    line = written.draw_game(story).axes[2].lines[0]
+    line = drawn(pe[1])[1].axes[2].lines[0]
     engaged = story.cycles[story.engaged.number]
     at = np.searchsorted(line.get_xdata(), engaged.now_s)
     assert line.get_ydata()[at] == pytest.approx(engaged.value)
