@@ -15,6 +15,7 @@ from sitl_mock.protocols.files import (
     FtpError,
     FtpProtocol,
     Storage,
+    file_crc,
 )
 from sitl_mock.protocols.identity import (
     ARDUPILOT_CAPABILITIES,
@@ -147,6 +148,7 @@ __all__ = [
     "ardupilot_identity",
     "available_modes",
     "coordinate",
+    "file_crc",
     "is_on_earth",
     "named",
     "px4_identity",

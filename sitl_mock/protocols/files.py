@@ -114,6 +114,11 @@ class _Request(NamedTuple):
         return self.data.rstrip(b"\0").decode(errors="replace")
 
 
+def file_crc(content: bytes) -> int:
+    """Return MAVLink's CRC-32 of a file, which begins at 0 and is not inverted at the end."""
+    return binascii.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF
+
+
 class _Nak(Exception):  # noqa: N818 - an answer
     def __init__(self, error: FtpError, *more: int) -> None:
         super().__init__(error)
@@ -204,9 +209,7 @@ class FtpProtocol:
         return [(0, struct.pack("<I", len(content)))]
 
     def _crc(self, request: _Request) -> list[tuple[int, bytes]]:
-        return [
-            (0, struct.pack("<I", binascii.crc32(self._content(request), 0xFFFFFFFF) ^ 0xFFFFFFFF))
-        ]
+        return [(0, struct.pack("<I", file_crc(self._content(request))))]
 
     def _create_file(self, request: _Request) -> list[tuple[int, bytes]]:
         path = self._new_path(request.path)

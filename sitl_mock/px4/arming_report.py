@@ -63,24 +63,46 @@ class Checked(Protocol):
 
 
 class _Check(NamedTuple):
-    """A check of the modes: its need, its event, its level, and its component."""
+    """A check of the modes: its need, its event, its level, its component, and its text."""
 
     need: Need
     event: str
     level: int
     component: int
+    text: str
 
 
 _CHECKS: Final = (
-    _Check(Need.LOCAL_POSITION, "check_modes_local_pos", _ERROR, _LOCAL_POSITION),
-    _Check(Need.GLOBAL_POSITION, "check_modes_global_pos", _ERROR, _GLOBAL_POSITION),
-    _Check(Need.ALTITUDE, "check_modes_local_alt", _CRITICAL, _SYSTEM),
-    _Check(Need.MISSION, "check_modes_mission", _INFO, _SYSTEM),
-    _Check(Need.STREAM, "check_modes_offboard_signal", _ERROR, _SYSTEM),
-    _Check(Need.HOME, "check_modes_home_position", _INFO, _SYSTEM),
-    _Check(Need.PILOT, "check_modes_manual_control", _WARNING, _RADIO),
+    _Check(
+        Need.LOCAL_POSITION,
+        "check_modes_local_pos",
+        _ERROR,
+        _LOCAL_POSITION,
+        "No valid local position estimate",
+    ),
+    _Check(
+        Need.GLOBAL_POSITION,
+        "check_modes_global_pos",
+        _ERROR,
+        _GLOBAL_POSITION,
+        "No valid global position estimate",
+    ),
+    _Check(
+        Need.ALTITUDE, "check_modes_local_alt", _CRITICAL, _SYSTEM, "No valid altitude estimate"
+    ),
+    _Check(Need.MISSION, "check_modes_mission", _INFO, _SYSTEM, "No valid mission available"),
+    _Check(Need.STREAM, "check_modes_offboard_signal", _ERROR, _SYSTEM, "No offboard signal"),
+    _Check(Need.HOME, "check_modes_home_position", _INFO, _SYSTEM, "Home position not set"),
+    _Check(Need.PILOT, "check_modes_manual_control", _WARNING, _RADIO, "No manual control input"),
 )
 """In PX4's order. Without sticks it names every mode."""
+CHECK_TEXTS: Final = {
+    **{check.event: check.text for check in _CHECKS},
+    "check_modes_cannot_takeoff": "Mode not suitable for takeoff",
+    "check_external_modes_unavailable": "Mode is not registered",
+    "check_external_modes_unresponsive": "Mode is unresponsive",
+}
+"""Text of each event that names modes and why they cannot arm or run."""
 
 
 class Results(NamedTuple):

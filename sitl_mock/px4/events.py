@@ -68,6 +68,24 @@ _NAMES: Final[Mapping[str, tuple[str, bytes]]] = MappingProxyType(
         "Onboard controller regained": ("commander_onboard_ctrl_regained", b""),
     }
 )
+EVENT_TEXTS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        **{name: text for text, (name, _) in _NAMES.items()},
+        "commander_armed_by": "Armed by {1}",
+        "commander_disarmed_by": "Disarmed by {1}",
+        "commander_mode_fallback_internal": "External mode is unresponsive, falling back to internal",
+    }
+)
+"""Text of each event by its name; {1} is the first argument."""
+ARMING_REASONS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        _BY_COMMAND: "external command",
+        _BY_MISSION: "mission start",
+        _BY_LANDING: "landing",
+        _BY_PREFLIGHT: "auto preflight disarming",
+    }
+)
+"""First argument of `commander_armed_by` and `commander_disarmed_by`."""
 _WITH_ARGUMENTS: Final = (
     *("RTL: ", "Climb to ", "Switching to ", "Failsafe activated", "Using default takeoff"),
     *("No valid mission", "Low battery", "Critical battery", "Emergency battery"),

@@ -1,12 +1,9 @@
-"""The PX4 flavour: all its parts, and its files over FTP (PX4's folders with one readable file)."""
+"""The PX4 flavour: all its parts, and its files over FTP (PX4's folders with its component metadata)."""
 
 from __future__ import annotations
 
-import json
-import lzma
 import math
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.dynamics import (
@@ -33,6 +30,7 @@ from sitl_mock.protocols import (
     Storage,
     px4_identity,
 )
+from sitl_mock.px4 import metadata
 from sitl_mock.px4.commander import Px4
 from sitl_mock.px4.commands import execute
 from sitl_mock.px4.events import event_of, with_tab
@@ -50,34 +48,14 @@ if TYPE_CHECKING:
     from sitl_mock.protocols import ParameterStore
     from sitl_mock.vehicle.state import VehicleState
 
-_TYPES = {6: "Int32", 9: "Float"}
-
 
 def files_of(parameters: ParameterStore, _plans: PlanStore, storage: Storage) -> FileTree:
     """Return the files of one vehicle."""
     return FileTree(
-        {"/etc/extras/parameters.json.xz": partial(_parameter_metadata, parameters)},
+        metadata.files_of(parameters),
         frozenset({"/etc", "/etc/init.d", "/log", "/tmp", "/eeprom"}),
         storage=storage,
     )
-
-
-def _parameter_metadata(parameters: ParameterStore) -> bytes:
-    """Return COMP_METADATA_TYPE_PARAMETER: name, type, default, unit and limits of each parameter, compressed."""
-    described = []
-    for item in parameters.definitions.values():
-        entry = {
-            "name": item.name,
-            "type": _TYPES[item.kind],
-            "default": item.default,
-            "shortDesc": item.meaning,
-        }
-        if item.unit:
-            entry["units"] = item.unit
-        if item.minimum > float("-inf"):
-            entry |= {"min": item.minimum, "max": item.maximum}
-        described.append(entry)
-    return lzma.compress(json.dumps({"version": 1, "parameters": described}).encode())
 
 
 _GAINS: Final = {
@@ -157,6 +135,7 @@ PX4: Final = Flavour(
     text_as_sent=with_tab,
     event_of=event_of,
     files=files_of,
+    metadata=lambda parameters: (f"mftp://{metadata.GENERAL}", metadata.general_crc(parameters)),
     own_id_only=PX4_OWN_ID_ONLY,
     broadcast=PX4_BROADCAST,
     sensors=PX4_SENSORS,

@@ -120,6 +120,15 @@ def _px4_drone_id(report: Report) -> Fields:
     return (0, 0, bytes(20), 1, 2, f"1006{uid & 0xFFFF_FFFF_FFFF:015x}".encode().ljust(20, b"\0"))
 
 
+def _px4_metadata(report: Report) -> Fields | None:
+    """COMPONENT_METADATA: where the file about the autopilot is."""
+    named = report.flavour.metadata
+    if named is None:
+        return None
+    uri, crc = named(report.state.parameters)
+    return (report.boot_ms, crc, uri)
+
+
 def _px4_radio(report: Report) -> Fields | None:
     """RC_CHANNELS: only after a radio or RC_CHANNELS_OVERRIDE was heard; MANUAL_CONTROL does not count."""
     pilot = report.state.pilot
@@ -129,6 +138,7 @@ def _px4_radio(report: Report) -> Fields | None:
 PX4_ON_REQUEST: Mapping[str, Build] = MappingProxyType(
     {
         "AUTOPILOT_VERSION": autopilot_version,
+        "COMPONENT_METADATA": _px4_metadata,
         "RC_CHANNELS": _px4_radio,
         "SCALED_IMU": _px4_scaled_imu,
         "HIL_ACTUATOR_CONTROLS": _px4_motor_controls,

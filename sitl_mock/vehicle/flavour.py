@@ -214,6 +214,7 @@ class Flavour:
         ground_vehicle: It cannot start in the air.
         fix_type: GPS_FIX_TYPE of a receiver that works.
         files: The FTP files of a vehicle with these parameters, plans and files of clients.
+        metadata: URI and checksum of the file that COMPONENT_METADATA names, for these parameters; None without one.
         version: As on the command line behind @.
         refused_commands: Commands that this version no longer has.
         more_commands: Commands that this version has beyond the one with recorded data.
@@ -253,6 +254,7 @@ class Flavour:
     ground_vehicle: bool = False
     fix_type: int = 3
     files: Callable[[ParameterStore, PlanStore, Storage], FileTree] = no_files
+    metadata: Callable[[ParameterStore], tuple[str, int]] | None = None
     version: str = ""
     refused_commands: frozenset[int] = frozenset()
     more_commands: frozenset[int] = frozenset()

@@ -7,6 +7,7 @@ import time
 
 import pytest
 from mavsdk import ComponentType, Configuration, Mavsdk
+from mavsdk.plugins.events import Events
 from mavsdk.plugins.info import Info
 from mavsdk.plugins.mission_raw import MissionItem, MissionRaw, MissionRawError
 from mavsdk.plugins.param import Param, ParamError
@@ -131,3 +132,22 @@ def test_a_mission_survives_a_tenth_lost_each_way(flown):
     finally:
         link.loss = 0.0
     assert [item.x for item in mission.download_mission()] == [item.x for item in items]
+
+
+def test_events_and_arming_checks_come_in_words(fleet_of, client_of):
+    with fleet_of({"uav1": "px4"}) as fleet, client_of(fleet["uav1"]) as client:
+        events = Events(client.system)
+        texts = []
+        reports = []
+        subscribed = events.subscribe_events(lambda event, _: texts.append(event.message))
+        events.subscribe_health_and_arming_checks(lambda report, _: reports.append(report))
+        client.ready()
+        client.wait(
+            lambda: reports and reports[-1].current_mode_intention.can_arm_or_run, 10.0, "a report"
+        )
+        problems = {problem.message for problem in reports[-1].all_problems}
+        client.action.arm()
+        client.wait(lambda: "Armed by external command" in texts, 5.0, texts)
+        events.unsubscribe_events(subscribed)
+    assert reports[-1].current_mode_intention.mode_name == "Hold"
+    assert "No offboard signal" in problems

@@ -318,6 +318,7 @@ def test_messages_missing_in_pymavlink_have_the_seeds_and_sizes_of_mavlinks_head
         8: (117, 36),
         300: (217, 22),
         380: (232, 20),
+        397: (182, 108),
         410: (160, 53),
         411: (106, 3),
         412: (33, 6),
