@@ -9,6 +9,7 @@ of the changed functions of the files that `tests/mutants.py` names.
 import argparse
 import ast
 import json
+import re
 import subprocess
 import sys
 from collections import defaultdict
@@ -25,6 +26,13 @@ LINE_S = 0.002
 """Processor time of a test file that has never run here, for each of its lines."""
 
 MODULES = ("guidance", "sitl_mock", "tests")
+
+COMMENTS = re.compile(r"#[^\n]*")
+IMPORTS = re.compile(
+    r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]+)|import[ \t]+([^\n]+))",
+    re.MULTILINE,
+)
+"""Import statements; reading whole files with `ast` takes twenty times as long."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -141,14 +149,13 @@ def _naming(path: Path, files: Mapping[str, str]) -> Iterator[str]:
 
 def _imported(text: str, files: Mapping[str, str]) -> Iterator[str]:
     """Yield the files of the project that a module imports, also within its functions."""
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [f"{node.module}.{alias.name}" for alias in node.names] + [node.module]
-        else:
-            continue
-        for name in names:
+    for module, names, modules in IMPORTS.findall(COMMENTS.sub("", text)):
+        named = [
+            name.split()[0] for name in (names or modules).strip("()").split(",") if name.strip()
+        ]
+        if module:
+            named = [module, *(f"{module}.{name}" for name in named)]
+        for name in named:
             path = name.replace(".", "/")
             yield from (file for file in (f"{path}.py", f"{path}/__init__.py") if file in files)
 
