@@ -328,6 +328,8 @@ def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
         allowed = sorted(_section_at(model, location[:-1]))
         near = difflib.get_close_matches(location[-1], allowed, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"allowed here: {', '.join(allowed)}"
+        if location[-1] in allowed:
+            hint = "it belongs to another kind"
         return f"{key}: unknown key; {hint}"
     if fault["type"] == "missing":
         if isinstance(fault["loc"][-1], int):

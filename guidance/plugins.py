@@ -3,6 +3,7 @@
 | group | object | names |
 |---|---|---|
 | `pursuit_guidance.evader_sources` | `EvaderKind` | `evader.kind` |
+| `pursuit_guidance.links` | `LinkKind` | `vehicle.link` |
 | `pursuit_guidance.autopilots` | `Autopilot` | `vehicle.autopilot`, scenarios, `--autopilot` |
 | `pursuit_guidance.speed_sets` | a subclass of `SpeedSet` | `speed_set` of games and players |
 | `pursuit_guidance.outputs` | a function of an `OutputOrder` that returns a `Sink` or None | every flight |
@@ -13,6 +14,7 @@ imported when a file uses its name; outputs are opened by every flight, and one 
 of its own and returns None if `order.config.section(ItsSection)` is None.
 """
 
+from guidance import messages
 from guidance.autopilots import Autopilot, Bound, Finding, Mode, Preflight, Verdict, Version, Wants
 from guidance.autopilots.arducopter import ARDUCOPTER
 from guidance.autopilots.px4 import PX4
@@ -20,8 +22,9 @@ from guidance.config import Section
 from guidance.errors import ConfigError, FlightError, GuidanceError, LinkError, OutputError
 from guidance.frames import Amsl, Ellipsoid, Enu, LocalFrame, Ned
 from guidance.game.speed_sets import Ball, Cylinder, Planar, Short, SpeedSet
-from guidance.links import Clock, Endpoint, EvaderSource, Wire, parse
+from guidance.links import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
 from guidance.links.evaders.kinds import EvaderKind, SourceOrder
+from guidance.links.kinds import LinkKind, LinkOrder
 from guidance.log.entries import CycleEntry, EventEntry
 from guidance.log.sink import AnsweredOrder, FlightIdentity, Report, Sink
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
@@ -57,6 +60,8 @@ __all__ = [
     "FlightIdentity",
     "GuidanceError",
     "LinkError",
+    "LinkKind",
+    "LinkOrder",
     "LocalFrame",
     "Mode",
     "Ned",
@@ -70,10 +75,12 @@ __all__ = [
     "Sink",
     "SourceOrder",
     "SpeedSet",
+    "VehicleLink",
     "Verdict",
     "Version",
     "Wants",
     "Wire",
     "is_plausible",
+    "messages",
     "parse",
 ]

@@ -134,9 +134,14 @@ class Endpoint(NamedTuple):
         return self.scheme != "serial" and is_loopback(self.host)
 
 
+def scheme_of(url: str) -> str:
+    """Return the scheme of a URL, which need not be one of ours."""
+    return url.partition("://")[0]
+
+
 def is_px4(url: str) -> bool:
     """True if a URL is of a router on which PX4 speaks Zenoh itself."""
-    return url.partition("://")[0] in PX4_SCHEMES
+    return scheme_of(url) in PX4_SCHEMES
 
 
 def is_loopback(host: str) -> bool:

@@ -1,38 +1,49 @@
 """The sections `[vehicle]` and `[ground_station]` of vehicle files: the link to the autopilot, and who else uses it."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, ConfigDict, Field
 
-from guidance.autopilots import Autopilot, AutopilotName, Mode, autopilot_named
-from guidance.config import Section, SystemId
+from guidance.autopilots import AUTOPILOTS, Autopilot, AutopilotName, autopilot_named
+from guidance.config import Extended, Section, SystemId
+from guidance.links.kinds import LINKS, LinkKind, LinkName, link_kind
 from guidance.links.port import is_px4, taken_apart
-from guidance.links.px4.messages import name_bytes
 
 Url = Annotated[str, AfterValidator(lambda url: taken_apart(url) and url)]
 """A URL of a link; a ValueError explains why another text is not one."""
 
+_DEFAULT_LINK: Final = "pymavlink"
 
-class Vehicle(Section):
+
+def _add_keys_of_kinds(schema: dict[str, Any]) -> None:
+    """Add the keys that kinds of links have in `[vehicle]` to its JSON schema."""
+    for kind in LINKS.importable().values():
+        if kind.section is not None:
+            schema["properties"] = {
+                **kind.section.model_json_schema()["properties"],
+                **schema["properties"],
+            }
+
+
+class Vehicle(Extended):
     """The link to the autopilot."""
 
+    model_config = ConfigDict(json_schema_extra=_add_keys_of_kinds)
+
     autopilot: AutopilotName = Field(description="the vehicle's autopilot")
-    link: Literal["mavsdk", "pymavlink", "zenoh"] = Field(
-        "pymavlink",
+    link: LinkName = Field(
+        _DEFAULT_LINK,
         description="client library (only pymavlink can sign); zenoh makes guidance a flight mode of PX4",
     )
     url: Url = Field(
         description="udpin:// udpout:// tcpin:// tcpout:// serial:// or zenoh://; "
         'with link = "zenoh" the router of PX4, zenoh+tcp:// or zenoh+tls://'
     )
-    mode_name: str = Field(
-        "Pursuit", description='with link = "zenoh": name of the flight mode on ground stations'
-    )
     parameters: Url | None = Field(
-        None, description='with link = "zenoh": MAVLink URL for parameters, uploaded fence and home'
+        None,
+        description="with a link that is not MAVLink: MAVLink URL for parameters, uploaded fence and home",
     )
     system_id: SystemId = Field(1, description="MAVLink system id of the vehicle")
     component_id: SystemId = Field(1, description="MAVLink component id of its autopilot")
@@ -46,46 +57,58 @@ class Vehicle(Section):
         False, description="show the evader on the maps of ground stations, as ADSB_VEHICLE"
     )
 
+    @classmethod
+    def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
+        """Return the keys of the kind of link."""
+        name = document.get("link", _DEFAULT_LINK)
+        if not isinstance(name, str) or not LINKS.knows(name):
+            return None
+        return link_kind(name).section
+
+    @classmethod
+    def further_names(cls) -> list[str]:
+        """Return the keys of the kinds of links that are in use."""
+        sections = [kind.section for kind in LINKS.values() if kind.section is not None]
+        return [name for section in sections for name in section.model_fields]
+
+    @property
+    def kind(self) -> LinkKind:
+        """The kind of its link."""
+        return link_kind(self.link)
+
     @property
     def awaited(self) -> str:
         """The event that shows that it is there, in words."""
-        if self.link == "zenoh":
-            return f"PX4's VehicleStatus at {self.url}, and the registration of {self.mode_name!r}"
-        return (
-            f"a HEARTBEAT of system {self.system_id}, component {self.component_id} at {self.url}"
-        )
+        if not self.kind.by_mavlink:
+            return f"{self.kind.first} at {self.url}"
+        return f"{self.kind.first} of system {self.system_id}, component {self.component_id} at {self.url}"
 
     def _faults(self) -> Iterator[str]:
-        if self.signing_key_file is not None and self.link == "mavsdk":
-            yield 'vehicle.signing_key_file with link = "mavsdk": MAVSDK does not sign; use "pymavlink"'
-        by_px4 = is_px4(self.url)
-        if by_px4 is not (self.link == "zenoh"):
-            needs = "zenoh+tcp:// or zenoh+tls://" if self.link == "zenoh" else "another URL"
-            yield f'vehicle.url = {self.url!r}: link = "{self.link}" needs {needs}'
-        if self.link != "zenoh":
-            if self.parameters is not None:
-                yield f'vehicle.parameters: not allowed with link = "{self.link}"; its url is MAVLink'
-        elif autopilot_named(self.autopilot).as_mode is None:
-            yield f'vehicle.autopilot = "{self.autopilot}": link = "zenoh" is for px4'
+        kind = self.kind
+        named = f'link = "{self.link}"'
+        if self.signing_key_file is not None and not kind.signs:
+            yield f'vehicle.signing_key_file: {named} does not sign; use "pymavlink"'
+        if kind.by_mavlink and is_px4(self.url):
+            yield f"vehicle.url = {self.url!r}: {named} needs another URL"
+        if kind.by_mavlink and self.parameters is not None:
+            yield f"vehicle.parameters: not allowed with {named}; its url is MAVLink"
+        if kind.flies(autopilot_named(self.autopilot), self) is None:
+            flown = [name for name, one in AUTOPILOTS.items() if kind.flies(one, self) is not None]
+            yield f'vehicle.autopilot = "{self.autopilot}": {named} is for {", ".join(flown)}'
         if self.parameters is not None and is_px4(self.parameters):
             yield f"vehicle.parameters = {self.parameters!r}: must be a MAVLink URL, as udpin://127.0.0.1:14540"
-        try:
-            name_bytes(self.mode_name)
-        except ValueError as error:
-            yield f"vehicle.mode_name = {self.mode_name!r}: {error}"
 
     @property
     def profile(self) -> Autopilot:
         """The autopilot as this link flies it."""
         autopilot = autopilot_named(self.autopilot)
-        if self.link != "zenoh" or autopilot.as_mode is None:
-            return autopilot
-        return replace(autopilot.as_mode, mode_titles={Mode.GUIDED: self.mode_name})
+        flown = self.kind.flies(autopilot, self)
+        return autopilot if flown is None else flown
 
     @property
     def mavlink_url(self) -> str | None:
         """Where MAVLink is spoken with the vehicle; None if it is not."""
-        return self.parameters if self.link == "zenoh" else self.url
+        return self.url if self.kind.by_mavlink else self.parameters
 
 
 class GroundStationSection(Section):

@@ -25,7 +25,8 @@ from guidance.errors import ConfigError, FlightError
 from guidance.extras import EXTRAS, how_to_add
 from guidance.game.speed_sets import SPEED_SETS
 from guidance.links.evaders.kinds import EVADER_KINDS
-from guidance.links.port import parse
+from guidance.links.kinds import LINKS
+from guidance.links.port import parse, scheme_of
 from guidance.links.world import World
 from guidance.preflight import (
     COUNTED_S,
@@ -257,7 +258,14 @@ def examine(config: Config | None = None) -> Sequence[Finding]:
 
 def _packages() -> Iterator[Finding]:
     """Yield a row for each object that installed packages add, and import it to see whether it works."""
-    registries: Sequence[Any] = (AUTOPILOTS, EVADER_KINDS, SPEED_SETS, OUTPUTS, SECTIONS)
+    registries: Sequence[Any] = (
+        AUTOPILOTS,
+        LINKS,
+        EVADER_KINDS,
+        SPEED_SETS,
+        OUTPUTS,
+        SECTIONS,
+    )
     for registry in registries:
         for name in sorted(registry.installed.names):
             row = f"{registry.noun} {name}"
@@ -332,10 +340,8 @@ def _urls(config: Config | None) -> Iterator[Finding]:
         urls = (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))
     kinds = {"udpin": socket.SOCK_DGRAM, "tcpin": socket.SOCK_STREAM}
     for key, url in urls:
-        if url is None:
-            continue
-        endpoint = parse(url)
-        if endpoint.scheme in kinds:
+        if url is not None and scheme_of(url) in kinds:
+            endpoint = parse(url)
             kind = kinds[endpoint.scheme]
             advice = "end what listens there, or take another"
             yield _port(f"{key} {url}", endpoint.host, endpoint.port, kind, advice)
@@ -375,9 +381,8 @@ def _serial_ports(config: Config | None) -> Iterator[Finding]:
     expected = "readable and writable"
     advice = "usermod -aG dialout USER, and log in again"
     device = ""
-    if config is not None:
-        endpoint = parse(config.vehicle.url)
-        device = endpoint.host if endpoint.scheme == "serial" else ""
+    if config is not None and scheme_of(config.vehicle.url) == "serial":
+        device = parse(config.vehicle.url).host
     if device and not Path(device).exists():
         remedy = "plug it in; ls /dev/serial/by-id lists what is"
         yield Finding(device, "not there", expected, Verdict.REFUSE, remedy)

@@ -49,7 +49,7 @@ class Config(Extended):
     """A whole vehicle file."""
 
     name: Name = Field(description="of the vehicle, in orders, metrics and records")
-    vehicle: Vehicle
+    vehicle: SerializeAsAny[Vehicle]
     evader: SerializeAsAny[EvaderSection]
     game: GameSection
     limits: Limits = Limits()
@@ -121,14 +121,14 @@ class Config(Extended):
             key = f"ground_station.orders_from = {list(self.ordering_stations)}"
             yield f"{key}: has vehicle.system_id; name only ground stations, QGroundControl is 255"
         if self.vehicle.mavlink_url is None:
-            yield from self._zenoh_faults()
+            yield from self._faults_without_mavlink()
         if self.team is not None:
             yield from self.team.faults_beside(self.name, self.game)
         yield from self._height_faults()
 
-    def _zenoh_faults(self) -> Iterator[str]:
+    def _faults_without_mavlink(self) -> Iterator[str]:
         """Refuse what needs MAVLink."""
-        needs = 'with link = "zenoh" needs vehicle.parameters, a MAVLink URL'
+        needs = f'with link = "{self.vehicle.link}" needs vehicle.parameters, a MAVLink URL'
         if self.evader.url is None:
             yield f"evader.url: missing; a report on the vehicle's link {needs}"
         if self.on_ground_stations:

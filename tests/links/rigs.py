@@ -15,11 +15,11 @@ import zenoh
 
 from guidance.autopilots import PX4, Mode
 from guidance.links import MemoryWire
+from guidance.links.kinds import LinkOrder
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import open_link, open_wire, wait_until_heard
-from guidance.links.port import VehicleLink, parse
-from guidance.links.px4.link import open_px4_link
-from guidance.links.zenoh.credentials import NO_CREDENTIALS
+from guidance.links.port import VehicleLink
+from guidance.links.section import Vehicle
 from guidance.messages import Heartbeat, SystemStatus, Timesync
 from tests.links.peer import Peer, living, until
 from tests.links.px4.peer import Px4Peer, beating
@@ -128,13 +128,24 @@ def opened_link(
     return open_link(wire, kind, clock=clock, who=url, timeout_s=timeout_s, **ids, **more)
 
 
+def opened_as_by_a_file(
+    kind: str, url: str, *, clock: Callable[[], float], timeout_s: float
+) -> VehicleLink:
+    """Open a link as a flight opens that of a vehicle file: by the registry of kinds."""
+    keys = {"autopilot": "px4", "link": kind, "url": url, "connect_timeout_s": timeout_s}
+    vehicle = Vehicle.model_validate(keys)
+    wire = open_wire(url, clock=clock, systems=(1,)) if vehicle.kind.by_mavlink else None
+    order = LinkOrder(section=vehicle, clock=clock, autopilot=vehicle.profile, wire=wire)
+    return vehicle.kind.open(order)
+
+
 @contextmanager
 def opened(
     kind: str, url: str, send: Callable[[bytes], object], receive: Callable[[], list[bytes]]
 ) -> Iterator[Rig]:
     peer = Peer(send)
     with living(peer, receive, heartbeat_every_s=0.05):
-        link = opened_link(kind, url, clock=clock, timeout_s=5.0 * SPEED)
+        link = opened_as_by_a_file(kind, url, clock=clock, timeout_s=5.0 * SPEED)
         try:
             yield Rig(link, peer)
         finally:
@@ -265,17 +276,11 @@ def memory(_kind: str, _router: object) -> Iterator[Rig]:
 
 
 @contextmanager
-def px4_topics(_kind: str, router: Router) -> Iterator[Rig]:
+def px4_topics(kind: str, router: Router) -> Iterator[Rig]:
     peer = Px4Peer(router.session, next(_domains))
     with contextlib.closing(peer), beating(peer):
-        link = open_px4_link(
-            parse(f"zenoh+tcp://127.0.0.1:{router.port}/{peer.domain_id}"),
-            mode_name="Pursuit",
-            beside=None,
-            clock=time.monotonic,
-            credentials=NO_CREDENTIALS,
-            timeout_s=5.0,
-        )
+        url = f"zenoh+tcp://127.0.0.1:{router.port}/{peer.domain_id}"
+        link = opened_as_by_a_file(kind, url, clock=time.monotonic, timeout_s=5.0)
         try:
             link.request(PX4.as_mode.set_mode(Mode.GUIDED))
             assert until(lambda: link.mode.entered)

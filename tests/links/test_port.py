@@ -10,6 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.frames import Ned
+from guidance.links.kinds import LINKS
 from guidance.links.mavlink.pymavlink_link import QUEUE_LENGTH
 from guidance.messages import (
     Command,
@@ -67,6 +68,10 @@ def any_opened(request, router):
 def any_rig(any_opened):
     """A link of any kind, PX4's topics among them."""
     return any_opened.fresh()
+
+
+def test_every_kind_of_link_is_held_to_this_contract():
+    assert {kind for kind, _ in EVERY.values()} == set(LINKS)
 
 
 def positions(rig: Rig) -> list[int]:

@@ -20,9 +20,12 @@ from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.game.speed_sets import SPEED_SETS
 from guidance.links.evaders.kinds import EVADER_KINDS, SourceOrder, evader_kind
+from guidance.links.kinds import LINKS
+from guidance.links.world import World
 from guidance.registry import Registry
 from guidance.session.checkup import examine
 from guidance.session.observe.outputs import OUTPUTS, OutputOrder, open_outputs
+from guidance.session.open.links import open_all
 from guidance.session.open.mock import MockOptions
 from guidance.session.recorded_flight import fly_recorded
 from guidance.session.vehicle_file import SECTIONS, Config, json_schema
@@ -33,11 +36,20 @@ from tests.session.conftest import HERE, Ordered
 
 PACKAGE = Path(__file__).parent / "package"
 NEAR = load(Scenario, Path(__file__).parents[1] / "data" / "near_chase.toml")
-REGISTRIES: tuple[Registry[Any], ...] = (AUTOPILOTS, EVADER_KINDS, SPEED_SETS, OUTPUTS, SECTIONS)
+REGISTRIES: tuple[Registry[Any], ...] = (
+    AUTOPILOTS,
+    LINKS,
+    EVADER_KINDS,
+    SPEED_SETS,
+    OUTPUTS,
+    SECTIONS,
+)
 ENTRY_POINTS = {
     "pursuit_example": """
 [pursuit_guidance.evader_sources]
 buoy = pursuit_example:BUOY
+[pursuit_guidance.links]
+simulator = pursuit_example:SIMULATOR
 [pursuit_guidance.autopilots]
 toy = pursuit_example:TOY
 [pursuit_guidance.speed_sets]
@@ -50,6 +62,8 @@ tally = pursuit_example:TallyKeys
     "pursuit_broken": """
 [pursuit_guidance.evader_sources]
 broken = pursuit_broken:KIND
+[pursuit_guidance.links]
+broken = pursuit_broken:LINK
 [pursuit_guidance.autopilots]
 broken = pursuit_broken:AUTOPILOT
 [pursuit_guidance.speed_sets]
@@ -60,7 +74,9 @@ broken = pursuit_broken:open_it
 broken = pursuit_broken:Keys
 """,
 }
-URL = f"buoy://{HERE.lat_deg},{HERE.lon_deg},{HERE.alt_amsl_m}"
+PLACE = f"{HERE.lat_deg},{HERE.lon_deg},{HERE.alt_amsl_m}"
+URL = f"buoy://{PLACE}"
+SIMULATOR = {"link": "simulator", "url": f"simulator://{PLACE}"}
 BUOY = {"kind": "buoy", "url": URL, "system_id": None, "callsign": "B7"}
 
 
@@ -133,18 +149,36 @@ def test_its_kind_has_keys_of_its_own_and_any_scheme(installed):
         read(evader={key: value for key, value in BUOY.items() if key != "callsign"})
 
 
+def test_its_link_has_keys_of_its_own_and_any_scheme(installed):
+    config = read(vehicle=SIMULATOR, evader=BUOY)
+    assert (config.vehicle.fence_m, config.vehicle.mavlink_url) == (120.0, None)
+    with pytest.raises(ConfigError, match=r"vehicle\.fence_m = 0\.0: must be greater than 0"):
+        read(vehicle=SIMULATOR | {"fence_m": 0.0}, evader=BUOY)
+    with pytest.raises(ConfigError, match=r"vehicle\.url = 'udpin:.*should match pattern"):
+        read(vehicle={"link": "simulator"}, evader=BUOY)
+    with pytest.raises(ConfigError, match=r"vehicle\.url = 'simulator:.*allowed are udpin"):
+        read(vehicle={"url": SIMULATOR["url"]})
+    with pytest.raises(ConfigError, match=r'evader\.url: missing; .*with link = "simulator" needs'):
+        read(vehicle=SIMULATOR, evader={"url": None})
+
+
 def test_another_kind_does_not_take_its_keys(installed):
     assert evader_kind("buoy").section is not None
-    with pytest.raises(ConfigError, match=r"evader\.callsign: unknown key"):
+    with pytest.raises(ConfigError, match=r"evader\.callsign: unknown key; it belongs to another"):
         read(evader={"callsign": "B7"})
+    assert LINKS.named("simulator").section is not None
+    with pytest.raises(ConfigError, match=r"vehicle\.fence_m: unknown key; it belongs to another"):
+        read(vehicle={"fence_m": 90.0})
 
 
 def test_its_names_and_keys_are_in_the_schema_and_in_messages(installed):
     schema = json.dumps(json_schema())
-    for word in ("buoy", "callsign", "toy", "halved", "tally", "every_s"):
+    for word in ("buoy", "callsign", "simulator", "fence_m", "toy", "halved", "tally", "every_s"):
         assert f'"{word}"' in schema, word
     with pytest.raises(ConfigError, match=r"evader\.kind = 'bouy': must be one of .*buoy"):
         read(evader={"kind": "bouy"})
+    with pytest.raises(ConfigError, match=r"vehicle\.link = 'sim': must be one of .*simulator"):
+        read(vehicle={"link": "sim"})
     with pytest.raises(ConfigError, match="tallly: unknown key; did you mean 'tally'"):
         read(tallly={"every_s": 1.0})
 
@@ -162,7 +196,7 @@ def test_its_output_is_opened_by_files_with_its_section_and_by_no_other(installe
 
 
 def test_a_record_of_it_reads_again(installed):
-    config = read(evader=BUOY, tally={"every_s": 2.0})
+    config = read(vehicle=SIMULATOR, evader=BUOY, tally={"every_s": 2.0})
     again = parse_document(Config, json.loads(config.model_dump_json()), source="record")
     assert again == config
 
@@ -204,6 +238,25 @@ def test_its_evader_is_pursued_by_its_law_and_its_output_counts(installed):
     flight.close()
 
 
+@pytest.mark.flight
+def test_a_vehicle_on_its_link_is_flown_from_a_file(installed):
+    config = read(vehicle=SIMULATOR, evader=BUOY)
+    world = World()
+
+    def link(clock):
+        open_all(config, clock, world, tapped=True)
+        return world.links["uav1"]
+
+    flight = Ordered(link=link, source=opened(config), vehicle=SIMULATOR, evader=BUOY)
+    flight.engaged()
+    flight.until(State.ON_STATION)
+    assert type(flight.link).__name__ == "Simulator"
+    assert flight.link.counters()["setpoints_sent"] > 100
+    assert world.evaders["uav1"]["evader"].callsign == "B7"
+    world.close()
+    flight.close()
+
+
 def test_a_package_that_cannot_be_imported_stops_only_what_names_it(installed):
     assert read().name == "uav1"
     words = (
@@ -212,6 +265,7 @@ def test_a_package_that_cannot_be_imported_stops_only_what_names_it(installed):
     for sections in (
         {"evader": {"kind": "broken"}},
         {"vehicle": {"autopilot": "broken"}},
+        {"vehicle": {"link": "broken"}},
         {"game": {"speed_set": "broken"}},
         {"broken": {}},
     ):
@@ -222,7 +276,8 @@ def test_a_package_that_cannot_be_imported_stops_only_what_names_it(installed):
 
 
 def test_the_doctor_names_every_package_and_what_is_wrong_with_it(installed):
-    rows = {row.name: row for row in examine()}
+    rows = {row.name: row for row in examine(read(vehicle=SIMULATOR, evader=BUOY))}
+    assert rows["link simulator"].verdict is Verdict.PASS
     assert rows["evader source buoy"].verdict is Verdict.PASS
     broken = rows["output broken"]
     assert broken.verdict is Verdict.WARN

@@ -70,8 +70,8 @@ class KeptNotifier(Notifier):
 class Ordered(Staged):
     """One daemon, its vehicle and its evader; `source` makes another evader, which needs no vehicle.
 
-    With `stations` ground stations see the flight, and those with these system ids may order. `port` may
-    put another wire before the link.
+    `link` makes another link, which brings its vehicle. With `stations` ground stations see the flight, and those with
+    these system ids may order. `port` may put another wire before the link.
     """
 
     def __init__(
@@ -82,6 +82,7 @@ class Ordered(Staged):
         broadcast=None,
         record_required=False,
         source=None,
+        link=None,
         key=None,
         stations=None,
         port=None,
@@ -109,7 +110,8 @@ class Ordered(Staged):
             self.ground.append(GroundLink(ground_wire, clock.now_s, **names))
         if port is not None:
             wire = port(wire)
-        self.link = PymavlinkLink(wire, clock.now_s, system_id=1, **signing)
+        own = PymavlinkLink(wire, clock.now_s, system_id=1, **signing)
+        self.link = own if link is None else link(clock)
         heard = MavlinkEvader(theirs, GLOBAL_POSITION, system_id=2, **signing)
         self.evader = heard if source is None else source(clock)
         self.mailbox = Mailbox()

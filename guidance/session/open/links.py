@@ -5,20 +5,18 @@ import os
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack, closing
 from pathlib import Path
-from typing import Any
 
 from guidance.clock import Clock
-from guidance.errors import ConfigError
 from guidance.files import text_of
 from guidance.links import EvaderSource, SigningKey, Wire, parse
 from guidance.links.evaders.kinds import SourceOrder, evader_kind
 from guidance.links.evaders.section import EvaderSection
+from guidance.links.kinds import LinkOrder
 from guidance.links.mavlink.ground_link import GroundLink
-from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.mavlink.signed_streams import state_folder
-from guidance.links.opening import open_link, open_wire
-from guidance.links.port import VehicleLink, is_px4
-from guidance.links.px4.link import UNREAD_BESIDE, open_px4_link, px4_session
+from guidance.links.opening import open_wire
+from guidance.links.port import is_px4, scheme_of
+from guidance.links.px4.link import px4_session
 from guidance.links.section import Vehicle
 from guidance.links.wires.base import TappedWire, share
 from guidance.links.world import World
@@ -107,7 +105,16 @@ def open_all(
             )
             closed.callback(ground_link.close)
             world.ground_links[config.name] = ground_link
-    link = _open_vehicle_link(config, wire, clock, key, credentials)
+    link = vehicle.kind.open(
+        LinkOrder(
+            section=vehicle,
+            clock=clock.now_s,
+            autopilot=vehicle.profile,
+            wire=wire,
+            signing_key=key,
+            credentials=credentials,
+        )
+    )
     closed.callback(link.close)
     world.links[config.name] = link
     sources = dict[str, EvaderSource]()
@@ -117,45 +124,14 @@ def open_all(
         closed.callback(sources[name].close)
 
 
-def _open_vehicle_link(
-    config: Config,
-    wire: Wire | None,
-    clock: Clock,
-    key: SigningKey | None,
-    credentials: Credentials,
-) -> VehicleLink:
-    """Open the vehicle's link, over its MAVLink wire if it has one, and wait until the vehicle was heard."""
-    vehicle = config.vehicle
-    ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
-    ids["autopilot"] = vehicle.profile.autopilot_id
-    limit_s = vehicle.connect_timeout_s
-    if vehicle.link == "zenoh":
-        return open_px4_link(
-            parse(vehicle.url),
-            mode_name=vehicle.mode_name,
-            beside=None
-            if wire is None
-            else PymavlinkLink(wire, clock.now_s, **ids, signing_key=key, unread=UNREAD_BESIDE),
-            clock=clock.now_s,
-            credentials=credentials,
-            timeout_s=limit_s,
-            system_id=vehicle.system_id,
-        )
-    if wire is None:
-        raise ConfigError(f'vehicle.url = {vehicle.url!r}: link = "{vehicle.link}" needs MAVLink')
-    who = f"{vehicle.url}: system {vehicle.system_id}"
-    return open_link(
-        wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s
-    )
-
-
 def _claim_on_its_bus(url: str, credentials: Credentials, closed: ExitStack) -> None:
     """Claim a vehicle behind Zenoh on its own bus: all possible owners are there."""
-    endpoint = parse(url)
     if is_px4(url):
+        endpoint = parse(url)
         session = px4_session(endpoint, credentials, timeout_s=5.0)
         owned = f"{endpoint.namespace}/guidance"
-    elif endpoint.scheme == "zenoh":
+    elif scheme_of(url) == "zenoh":
+        endpoint = parse(url)
         session = session_to(endpoint, credentials, timeout_s=5.0)
         owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
     else:
@@ -275,10 +251,8 @@ def open_vehicle(
     equipment = open_equipment(mailbox, config, stack)
     session = stack.enter_context(open_control(config, mailbox))
     fields = {"url": vehicle.url, "system": vehicle.system_id, "component": vehicle.component_id}
-    awaited = "VehicleStatus" if vehicle.link == "zenoh" else "a HEARTBEAT"
-    equipment.say(
-        logging.INFO, f"waiting for {awaited}", name=config.name, **fields, at_most_s=limit_s
-    )
+    waiting = f"waiting for {vehicle.kind.first}"
+    equipment.say(logging.INFO, waiting, name=config.name, **fields, at_most_s=limit_s)
     world = stack.enter_context(closing(World()))
     open_all(config, clock, world, tapped=tapped)
     return world, session, equipment

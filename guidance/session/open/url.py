@@ -10,7 +10,7 @@ from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.flight.settings import TeamSection
 from guidance.frames import Amsl, Enu, GameFrame, LocalFrame
-from guidance.links.opening import KINDS
+from guidance.links.kinds import LINKS
 from guidance.links.port import Wire, is_px4, parse
 from guidance.links.section import Vehicle
 from guidance.links.wires.base import MemoryWire, share
@@ -59,7 +59,8 @@ class Asked:
     way: ClassVar[str] = "vehicle"
 
     def __post_init__(self) -> None:
-        check_option("--link", self.link, KINDS)
+        by_mavlink = [name for name, kind in LINKS.importable().items() if kind.by_mavlink]
+        check_option("--link", self.link, by_mavlink)
         check_option("--end", self.end, ENDS)
         for url in (*self.urls, *self.parameters):
             parse(url)
@@ -159,7 +160,8 @@ class Asked:
             at_url = discovery.autopilot_at(url, self.autopilot, clock, who=f"--vehicle {url}")
             wire, sender, autopilot = world.closing.enter_context(at_url)
             ids = {"system_id": sender.system_id, "component_id": sender.component_id}
-            return wire, Vehicle(autopilot=autopilot.name, link=self.link, url=url, **ids)
+            keys = {"autopilot": autopilot.name, "link": self.link, "url": url}
+            return wire, Vehicle.model_validate({**keys, **ids})
         own_wire: Wire | None = None
         ids = {}
         if mavlink_url is not None:
@@ -167,14 +169,10 @@ class Asked:
             beside = discovery.autopilot_at(mavlink_url, "px4", clock, who=who)
             own_wire, sender, _ = world.closing.enter_context(beside)
             ids = {"system_id": sender.system_id, "component_id": sender.component_id}
-        return own_wire, Vehicle(
-            autopilot="px4",
-            link="zenoh",
-            url=url,
-            parameters=mavlink_url,
-            connect_timeout_s=discovery.FOUND_WITHIN_S,
-            **ids,
-        )
+        keys = {"autopilot": "px4", "link": "zenoh", "url": url}
+        limit_s = discovery.FOUND_WITHIN_S
+        more = {"parameters": mavlink_url, "connect_timeout_s": limit_s}
+        return own_wire, Vehicle.model_validate({**keys, **ids, **more})
 
 
 def _radios(

@@ -1,4 +1,4 @@
-"""A package from outside: an evader source, an autopilot, a speed set, an output with a section, and a pursuit law."""
+"""A package from outside: an evader source, a link, an autopilot, a speed set, an output with a section, and a law."""
 
 import math
 from collections import Counter
@@ -7,7 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
-from guidance.plugins import PX4, Ball, EvaderKind, EvaderReport, LinkError, Ned, Section, Sink
+from guidance.links import MemoryWire
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
+from guidance.plugins import (
+    PX4,
+    Ball,
+    EvaderKind,
+    EvaderReport,
+    LinkError,
+    LinkKind,
+    Ned,
+    Section,
+    Sink,
+)
+from sitl_mock import Home, MockVehicle
 
 
 class BuoyKeys(Section):
@@ -55,6 +68,47 @@ BUOY = EvaderKind(
     needs={"url": "needs the address of the buoy"},
     section=BuoyKeys,
     open=Buoy,
+)
+
+
+class SimulatorKeys(Section):
+    """Keys of `[vehicle]` with link = "simulator"."""
+
+    url: str = Field(pattern="^simulator://", description="simulator://latitude,longitude,altitude")
+    fence_m: float = Field(120.0, gt=0.0, description="the simulated autopilot's own fence")
+
+
+class Simulator:
+    """A vehicle in this process; nobody else sees its bytes."""
+
+    def __init__(self, order):
+        place = map(float, order.section.url.removeprefix("simulator://").split(","))
+        own_fence = {"GF_MAX_HOR_DIST": order.section.fence_m, "GF_MAX_VER_DIST": 70.0}
+        self.clock = order.clock
+        self.vehicle = MockVehicle(
+            "px4", home=Home(*place), noise=False, parameters=own_fence, ready_after_s=0.5
+        )
+        ours, self.end = MemoryWire.pair(order.clock)
+        self.link = PymavlinkLink(ours, order.clock, system_id=1)
+        self.send_setpoint = self.link.send_setpoint
+        self.request = self.link.request
+        self.send_heartbeat = self.link.send_heartbeat
+        self.counters = self.link.counters
+        self.close = self.link.close
+
+    def receive(self):
+        sent = [frame for _, frame in self.end.receive()]
+        for frame in self.vehicle.step(self.clock(), sent):
+            self.end.send(frame)
+        return self.link.receive()
+
+
+SIMULATOR = LinkKind(
+    name="simulator",
+    first="nothing",
+    by_mavlink=False,
+    section=SimulatorKeys,
+    open=Simulator,
 )
 
 TOY = replace(PX4, name="toy")
