@@ -31,6 +31,7 @@ NEVER_IN_MATHEMATICS = {"end: yielded", *(one.words for one in IN_FLIGHT_ONLY)}
 
 @pytest.mark.parametrize("height_m", HEIGHTS_M.values(), ids=list(HEIGHTS_M))
 def test_between_point_masses_every_flight_ends_as_it_is_wanted_to(height_m):
+    """Catches an acceptance flight whose wanted end is impossible in the game itself."""
     flights = [
         case for autopilot in ("px4", "arducopter") for case in cases(autopilot, height_m=height_m)
     ]
@@ -89,6 +90,7 @@ def acceptance(*arguments):
 
 
 def test_without_a_vehicle_at_the_url_the_table_says_so_and_the_exit_code_too(tmp_path):
+    """Catches an acceptance that ends with 0 though no vehicle was there."""
     done = acceptance("--px4", "tcpout://127.0.0.1:9", "--report", str(tmp_path / "report"))
     assert done.returncode == 1
     assert "127.0.0.1:9" in done.stdout
@@ -97,6 +99,7 @@ def test_without_a_vehicle_at_the_url_the_table_says_so_and_the_exit_code_too(tm
 
 
 def test_another_autopilot_than_the_one_named_is_not_flown(capsys):
+    """Catches a PX4 that the acceptance flies by ArduCopter's table."""
     with running([{"name": "uav1", "flavour": "px4", "ready_after_s": 1.0}], over=["udp"]) as fleet:
         assert main(["--arducopter", fleet["uav1"].udp]) == 1
     assert "px4 is there" in capsys.readouterr().out

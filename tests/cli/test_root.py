@@ -58,6 +58,7 @@ def run(stdout, *arguments, **environment):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a full device is Linux's")
 def test_a_full_disk_under_standard_output_is_a_message():
+    """Catches a traceback where the kernel refuses standard output."""
     with Path("/dev/full").open("wb") as full:
         done = run(full, *PAPER)
     assert done.returncode == errors.OutputError.exit_code
@@ -67,6 +68,7 @@ def test_a_full_disk_under_standard_output_is_a_message():
 
 
 def test_who_stops_reading_ends_the_command_in_silence():
+    """Catches a traceback for a closed pipe, and a wrong exit code."""
     reader, writer = os.pipe()
     os.close(reader)
     done = run(writer, *PAPER)
@@ -75,6 +77,7 @@ def test_who_stops_reading_ends_the_command_in_silence():
 
 
 def test_a_terminal_without_the_letters_is_written_in_those_it_has():
+    """Catches an error of encoding on a terminal of ASCII."""
     done = run(subprocess.PIPE, "solve", "--help", PYTHONIOENCODING="ascii")
     assert (done.returncode, done.stderr) == (0, b"")
     assert b"delta = u/v" in done.stdout

@@ -31,6 +31,7 @@ def test_the_list_names_every_scenario_with_its_title_its_game_and_what_it_expec
 
 
 def test_show_explains_a_scenario_and_writes_its_picture(tmp_path):
+    """Catches a value or a wind that `show` tells otherwise than the game."""
     done = guidance("show", "wind", "--out", tmp_path / "wind.png")
     assert done.exit_code == 0, done.output
     assert "from the west" in done.output
@@ -42,6 +43,7 @@ def test_show_explains_a_scenario_and_writes_its_picture(tmp_path):
 
 @pytest.mark.parametrize("name", ["fence", "barrier_evader", "evader_turns"])
 def test_fences_targets_and_courses_are_drawn(name, tmp_path):
+    """Catches a scenario whose fence, target or course cannot be drawn."""
     draw_scenario(load_scenario(name)[1], tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 20_000
 

@@ -60,6 +60,7 @@ def channels(flight):
 
 
 def test_every_message_of_a_flight_matches_the_schema_of_its_channel(channels):
+    """Catches a field that is recorded and not in its schema."""
     names = {name for name, _, _ in channels.values()}
     assert names == SCHEMAS.keys()
     for topic, (_, schema, messages) in channels.items():
@@ -174,6 +175,7 @@ def test_the_map_shows_both_reported_positions_ten_times_a_second(flight):
 
 
 def test_the_scene_shows_the_positions_of_the_certificate(flight):
+    """Catches a picture of the game that differs from its certificate."""
     rows = {round(row.now_s * 1e9): row for row in cycles_of(flight[1])}
     seen = 0
     for item in scan(flight[1]):

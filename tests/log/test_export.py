@@ -70,6 +70,7 @@ def frames_of(path):
 
 
 def test_the_mcap_library_reads_the_record_itself(flight):
+    """Catches a record that only our own reader understands."""
     with flight[1].open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         count = sum(1 for _ in reader.iter_messages())
@@ -80,6 +81,7 @@ def test_the_mcap_library_reads_the_record_itself(flight):
 
 
 def test_pymavlink_reads_every_frame_of_the_tlog_in_time_order(flight, exported):
+    """Catches frames of a tlog that are lost, altered or out of order."""
     link = mavutil.mavlink_connection(str(exported / "flight.tlog"))
     read = []
     while (message := link.recv_msg()) is not None:
@@ -91,6 +93,7 @@ def test_pymavlink_reads_every_frame_of_the_tlog_in_time_order(flight, exported)
 
 
 def test_mavlogdump_prints_every_setpoint_sent(flight, exported):
+    """Catches a tlog that pymavlink's own program reads with frames missing."""
     script = Path(sys.executable).with_name("mavlogdump.py")
     command = [
         sys.executable,
@@ -122,6 +125,7 @@ def numbers(cells):
 
 
 def test_the_parquet_holds_the_rows_bit_for_bit(columns, rows):
+    """Catches a number that an export rounds."""
     assert columns["now_s"] == [row.now_s for row in rows]
     assert columns["state"] == [row.state for row in rows]
     for name, value in (
@@ -288,6 +292,7 @@ def test_an_unknown_ending_or_an_unwritable_path_is_refused(flight, tmp_path):
 
 
 def test_the_log_commands_show_the_content_of_a_record(flight, tmp_path):
+    """Catches a count or a datum that `log info` tells otherwise than the record."""
     runner = CliRunner()
     info = runner.invoke(app, ["log", "info", str(flight[1])], env={"COLUMNS": "200"})
     assert info.exit_code == 0, info.output
@@ -308,6 +313,7 @@ SQUARE_NE_M = ((-50.0, -40.0), (-50.0, 60.0), (50.0, 60.0), (50.0, -40.0))
 
 @pytest.mark.parametrize("given", ["metres", "degrees", "the other way round"])
 def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
+    """Catches a fence of a map that is elsewhere or runs the wrong way round."""
     settings = recorded_settings(metadata_of(flight[1]))
     before_start = itertools.takewhile(lambda row: row.state != State.ARMING, cycles_of(flight[1]))
     homes = [

@@ -56,6 +56,7 @@ def test_the_survey_of_a_flight_counts_everything(flight):
 
 
 def test_a_record_cut_in_its_last_chunk_is_read_up_to_the_chunk_before(tmp_path):
+    """Catches messages that are lost with the chunk behind them."""
     whole = written(tmp_path / "whole.mcap").read_bytes()
     chunks = chunks_in(whole)
     assert len(chunks) >= 3
@@ -76,6 +77,7 @@ def test_a_record_cut_in_its_last_chunk_is_read_up_to_the_chunk_before(tmp_path)
 
 
 def test_a_record_cut_at_any_byte_is_read_without_an_error(tmp_path):
+    """Catches a length that is believed beyond the end of the file."""
     recorder = Recorder(tmp_path / "whole.mcap", {"seed": "3"})
     for number in range(3):
         # A short schema, because the file is cut at every byte
@@ -102,6 +104,7 @@ def refusals(path, survey):
 
 @pytest.mark.parametrize("damaged", [0, 1, 2])
 def test_a_flipped_bit_costs_its_chunk_and_nothing_else(tmp_path, damaged):
+    """Catches a reader that gives up behind the first damaged chunk."""
     whole = bytearray(written(tmp_path / "whole.mcap").read_bytes())
     spans = [span for span in chunks_in(whole) if span[1] - span[0] > 100]
     begin, end = spans[damaged]

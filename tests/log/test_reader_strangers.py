@@ -76,6 +76,7 @@ def bomb(claimed: int, true: int) -> bytes:
     ("claimed", "true"), [(2**32, 2**27), (2**20, 2**27), (2**62, 100), (10, 2**20)]
 )
 def test_a_chunk_that_misstates_its_size_takes_no_memory(tmp_path, claimed, true):
+    """Catches memory that is taken for a size that a stranger wrote."""
     path = tmp_path / "bomb.mcap"
     path.write_bytes(bomb(claimed, true))
     before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -273,6 +274,7 @@ def test_no_command_ends_with_a_traceback_for_a_mutated_record(tmp_path, seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_no_report_ends_with_a_traceback_for_a_mutated_record(tmp_path, seed):
+    """Catches a picture that trusts a value of a record."""
     path = tmp_path / "mutated.mcap"
     mutated(path, seed)
     result = CliRunner().invoke(app, ["report", str(path)])
@@ -282,6 +284,7 @@ def test_no_report_ends_with_a_traceback_for_a_mutated_record(tmp_path, seed):
 
 
 def test_a_hostile_record_gives_one_line_of_error(tmp_path):
+    """Catches a traceback of the program itself, behind all commands."""
     path = tmp_path / "bomb.mcap"
     path.write_bytes(bomb(2**32, 1000))
     program = [sys.executable, "-c", "from guidance.cli import main; main()", "replay", str(path)]

@@ -35,6 +35,7 @@ def into_the_game(flight):
 
 
 def test_a_flight_is_replayed_bit_for_bit(flight):
+    """Catches a decision that depends on anything but the recorded inputs."""
     result, path = flight
     comparison, survey = compare(path, recorded_settings)
     assert (comparison.cycles, comparison.setpoints) == (result.cycles, result.setpoints_sent)
@@ -46,6 +47,7 @@ def test_a_flight_is_replayed_bit_for_bit(flight):
 
 
 def test_the_replay_reproduces_the_game_and_the_alarms(flight):
+    """Catches certificates and alarms that differ while the setpoints agree."""
     for step in replay(flight[1], recorded_settings):
         recorded = step.row.certificate
         if recorded is not None:
@@ -56,6 +58,7 @@ def test_the_replay_reproduces_the_game_and_the_alarms(flight):
 
 
 def test_a_nanometre_in_one_input_is_found(flight, tmp_path):
+    """Catches a comparison that rounds."""
     flown = [CYCLE.decode(item.data) for item in scan(flight[1]) if item.topic == CYCLE.topic]
     chosen = next(number for number, row in enumerate(flown) if row.state == "engaged") + 100
 
@@ -74,6 +77,8 @@ def test_a_nanometre_in_one_input_is_found(flight, tmp_path):
 
 
 def test_a_record_without_the_cause_of_a_state_is_replayed_without_a_difference(flight, tmp_path):
+    """Catches a replay that refuses records of an older version."""
+
     def without_cause(number, row):
         return {name: value for name, value in row.items() if name != "by"}
 
@@ -85,6 +90,7 @@ def test_a_record_without_the_cause_of_a_state_is_replayed_without_a_difference(
 
 
 def test_minus_zero_is_not_zero(flight, tmp_path):
+    """Catches a comparison by value instead of by bits."""
     negated = []
 
     def negate(number, row):
@@ -107,6 +113,7 @@ def test_minus_zero_is_not_zero(flight, tmp_path):
 
 def test_another_setting_gives_other_commands_for_the_recorded_motion(flight):
     # The evader runs straight away, so a vehicle with its own climb and descent flies the same by every policy.
+    """Catches a what-if that flies its own motion or the old settings."""
     pursuit = partial(
         recorded_settings, changes={"policy": "pure_pursuit", "pursuer.speed_m_s": 2.0}
     )
@@ -122,6 +129,7 @@ def test_another_setting_gives_other_commands_for_the_recorded_motion(flight):
 
 
 def test_the_same_policy_as_a_what_if_gives_the_same_commands(flight):
+    """Catches a what-if that differs by its own doing."""
     same = partial(recorded_settings, changes={"policy": "optimal"})
     comparison, _ = compare(flight[1], same, what_if=True)
     assert comparison.commanded.speed_max_m_s == 0.0
@@ -129,6 +137,7 @@ def test_the_same_policy_as_a_what_if_gives_the_same_commands(flight):
 
 
 def test_a_second_flight_is_replayed_without_the_state_of_the_first(flight, tmp_path):
+    """Catches memory that a flight takes into the next one."""
     cycles = into_the_game(flight)
     path = rewritten(flight[1], tmp_path / "twice.mcap", repeat=2, cycles=cycles)
     comparison, _ = compare(path, recorded_settings)
@@ -180,6 +189,7 @@ def test_a_record_without_settings_cannot_be_replayed():
 
 
 def test_the_command_shows_the_first_difference_and_exits_with_1(flight, tmp_path):
+    """Catches a replay that differs and ends with 0."""
     shifted = []
 
     def shift(number, row):
@@ -197,12 +207,14 @@ def test_the_command_shows_the_first_difference_and_exits_with_1(flight, tmp_pat
 
 
 def test_the_command_says_how_far_apart_another_policy_is(flight):
+    """Catches a what-if that the command counts as a failed replay."""
     run = CliRunner().invoke(app, ["replay", str(flight[1]), "--with", "policy=pure_pursuit"])
     assert run.exit_code == 0, run.output
     assert "wanted by the policy over" in run.output
 
 
 def test_a_torn_record_is_replayed_up_to_the_damage(flight, tmp_path):
+    """Catches a replay that refuses the record of a crash."""
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(flight[1].read_bytes()[:400_000])
     run = CliRunner().invoke(app, ["replay", str(torn)])

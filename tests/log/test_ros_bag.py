@@ -31,6 +31,7 @@ def bag(short_flight, tmp_path_factory):
 
 
 def test_rosbags_reads_every_topic_and_each_message_is_the_records(short_flight, bag):
+    """Catches a bag that says something else than the record."""
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         messages = [
             (connection.topic, reader.deserialize(data, connection.msgtype))
@@ -47,6 +48,7 @@ def test_rosbags_reads_every_topic_and_each_message_is_the_records(short_flight,
 
 
 def test_foxgloves_decoder_reads_the_bag_by_its_own_schemas(short_flight, bag):
+    """Catches a bag whose schemas differ from its bytes."""
     with (bag / "flight.mcap").open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()
@@ -62,6 +64,7 @@ def test_foxgloves_decoder_reads_the_bag_by_its_own_schemas(short_flight, bag):
 
 
 def test_a_teams_flight_is_one_bag_with_each_vehicles_topics(short_flight, tmp_path):
+    """Catches topics of two vehicles that share a name or a frame."""
     team = tmp_path / "team"
     for name in ("uav-1", "uav-2"):
         (team / name).mkdir(parents=True)
@@ -119,6 +122,7 @@ def test_an_alarm_is_told_at_once_and_for_five_seconds(short_flight):
 
 
 def test_the_example_draws_a_bag(bag, tmp_path, capsys):
+    """Catches an example of the documentation that no longer runs."""
     picture = tmp_path / "bag.png"
     example = Path(__file__).parents[2] / "docs" / "examples" / "draw_bag.py"
     runpy.run_path(str(example))["main"](str(bag), str(picture))

@@ -135,6 +135,7 @@ while True:
 
 
 def test_kill_9_loses_at_most_0_2_s(tmp_path):
+    """Catches a record that waits in memory for longer than it promises."""
     path = tmp_path / "record.mcap"
     child = subprocess.Popen(
         [sys.executable, "-c", FLYING, path], stdout=subprocess.PIPE, text=True

@@ -101,6 +101,7 @@ def test_a_failure_to_open_the_next_file_keeps_the_previous_one(tmp_path):
 
 
 def test_a_flight_in_several_files_is_replayed_bit_for_bit(tmp_path, flight):
+    """Catches a cycle that is lost between two files of a record."""
     result, whole = flight
     path = tmp_path / "record.mcap"
     recorder = Recorder(path, metadata_of(whole), rotate_s=10.0)
@@ -119,7 +120,10 @@ def test_a_flight_in_several_files_is_replayed_bit_for_bit(tmp_path, flight):
 
 
 def test_the_writers_memory_does_not_grow_from_file_to_file(tmp_path):
-    """The index of a file is kept until the file is finished: the same amount at the end of each."""
+    """Catches an index that is kept after its file is closed.
+
+    The index of a file is kept until the file is finished: the same amount at the end of each.
+    """
     at_end_bytes = []
     recorder = Recorder(tmp_path / "flight.mcap", {}, rotate_s=10.0)
     tracemalloc.start()

@@ -102,6 +102,7 @@ def test_a_value_that_the_autopilot_does_not_keep_is_said_to_be_so(world):
 
 
 def test_an_autopilot_that_answers_nothing_is_asked_again_and_then_given_up(world):
+    """Catches a set-up that waits for ever for a lost answer."""
     there = world()
     there.checkup.rows()
     wanted = there.checkup.changes(advised=False)[:1]

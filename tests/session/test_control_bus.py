@@ -190,6 +190,7 @@ def test_a_flight_without_an_endpoint_lets_nobody_in():
 
 
 def test_100_of_100_holds_are_accepted_over_zenoh_while_32_clients_poll(daemon, endpoint):
+    """Catches a hold that waits behind the queries of others on the bus."""
     daemon()
     polling = threading.Event()
     session = open_session(endpoint)

@@ -101,6 +101,7 @@ def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
 
 
 def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(base):
+    """Catches a broadcast that waits for its bus or grows."""
     never = threading.Event()
 
     class Stuck:
@@ -154,6 +155,7 @@ def test_nothing_is_laid_out_while_nobody_looks(base, bus, monkeypatch):
 
 
 def test_who_joins_late_is_told_what_the_vehicle_said_before(base, bus):
+    """Catches a page that lacks what is said once only."""
     broadcast, endpoint = bus
     base = base(broadcast=broadcast).standing_by()
     until(lambda: broadcast.waiting == 0)

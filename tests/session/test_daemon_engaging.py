@@ -50,6 +50,7 @@ def read_since(one, since_s):
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_a_failing_check_refuses_by_name_until_it_passes_without_a_long_wait(base, autopilot):
+    """Catches a parameter that changed after the start and is not read again."""
     one = standing_by(base, autopilot)
     for name, value in CHANGED[autopilot]:
         before = one.vehicle.autopilot.parameters[name]
@@ -77,6 +78,7 @@ def test_a_failing_check_refuses_by_name_until_it_passes_without_a_long_wait(bas
 
 
 def test_who_asks_again_and_again_is_refused_in_a_line_for_each_reason(base):
+    """Catches a log that a repeated order fills."""
     one = base.standing_by()
 
     def refused():
@@ -117,6 +119,7 @@ def unanswered(one, name):
 
 
 def test_an_unanswered_parameter_refuses_in_time_and_delays_no_other_order(base):
+    """Catches a hold that waits for the parameters of an engagement."""
     one = base.standing_by()
     unanswered(one, "GF_ACTION")
     asked_s = one.now_s
@@ -151,6 +154,7 @@ def by_pilot(one, mode):
 
 
 def test_a_pilots_switch_engages_only_what_still_passes(base):
+    """Catches a switch that passes by the checks before a game."""
     one = base.standing_by(flight={"engage_on": "pilot_mode"}).run(1.0)
     by_pilot(one, "POSCTL")
     one.run(1.2)

@@ -49,6 +49,7 @@ def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(
 
 
 def test_a_reloaded_configuration_is_recorded_and_used_by_the_replay(base, tmp_path):
+    """Catches a replay by settings that were exchanged before the flight."""
     path = tmp_path / "daemon.mcap"
     recorder = Recorder(path, {"config": base().config.model_dump_json()})
     one = base(record=recorder).until(State.READY)
@@ -102,6 +103,7 @@ def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
 def test_a_full_disk_is_reported_once_and_the_flight_continues_without_a_record(
     base, recorder_of, tmp_path
 ):
+    """Catches setpoints that change when the disk is full."""
     recorder = recorder_of(60_000)
     one = base(record=recorder).engaged().run(3.0)
     bare = base.engaged().run(3.0)
@@ -124,6 +126,7 @@ def test_a_full_disk_is_reported_once_and_the_flight_continues_without_a_record(
 def test_a_required_record_that_cannot_be_opened_prevents_the_start(
     required, base, vehicle_document, tmp_path
 ):
+    """Catches a flight without the record that its file requires."""
     (tmp_path / "file").write_text("")
     document = vehicle_document(record={"folder": str(tmp_path / "file" / "records")})
     bare = base()
@@ -154,6 +157,7 @@ def test_a_record_that_is_written_is_said_to_be_on_and_one_that_is_not_wanted_of
 
 
 def test_a_record_deleted_in_flight_is_no_longer_reported_as_on(base, tmp_path):
+    """Catches a status that calls a deleted record on."""
     recorder = Recorder(tmp_path / "daemon.mcap", {})
     one = base(record=recorder).engaged()
     assert one.order("status")["recording"] == "on"

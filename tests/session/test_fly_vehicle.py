@@ -196,6 +196,7 @@ def test_faults_and_wind_that_only_a_mock_can_have_fall_away_and_the_evaders_sta
 
 
 def test_an_arducopter_that_has_just_been_switched_on_is_waited_for(sortie):
+    """Catches a run that gives up before the estimator has settled."""
     world = World("arducopter", ready_after_s=None)
     flown = sortie(world)
     flown.run(until=lambda: flown.state is State.ARMING)
@@ -210,6 +211,7 @@ def test_an_arducopter_that_has_just_been_switched_on_is_waited_for(sortie):
 def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing_armed(
     sortie, monkeypatch
 ):
+    """Catches a run that waits for ever or arms meanwhile."""
     monkeypatch.setattr("guidance.session.fly.mission.READY_WITHIN_S", 20.0)
     world = World()
     flown = sortie(world)
@@ -293,6 +295,7 @@ def test_a_check_that_fails_as_the_vehicle_is_to_arm_ends_the_run_and_is_named(s
 
 
 def test_whoever_ends_the_run_in_flight_has_the_vehicle_landed(sortie):
+    """Catches a vehicle that is left in the air by the end of a run."""
     world = World()
     flown = sortie(world)
     flown.run(until=lambda: flown.state is State.ENGAGED)

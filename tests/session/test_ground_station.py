@@ -71,6 +71,7 @@ class Station:
 
 
 def test_a_ground_station_hears_a_heartbeat_a_second_each_state_once_and_the_evader(base):
+    """Catches texts that come twice, and an evader drawn elsewhere."""
     base = base.engaged(stations=STATIONS).run(2.0)
     station = Station(base)
     beats_s = [sent.now_s for sent in station.heard("HEARTBEAT")]
@@ -92,6 +93,7 @@ def test_a_ground_station_hears_a_heartbeat_a_second_each_state_once_and_the_eva
 
 
 def test_a_station_that_may_order_ends_a_game_and_begins_none_without_signing(base):
+    """Catches an unsigned order that begins a flight."""
     base = base.engaged(stations=STATIONS)
     station = Station(base)
     assert station.order(USER_5) == [DENIED, DENIED]
@@ -110,6 +112,7 @@ def test_a_station_that_may_order_ends_a_game_and_begins_none_without_signing(ba
 
 
 def test_over_a_signed_link_a_station_starts_and_engages_and_unsigned_orders_are_dropped(base):
+    """Catches a signed order that is not obeyed."""
     base = base.ready(stations=STATIONS, key=KEY)
     assert Station(base).order(USER_1) == []
     station = Station(base, key=KEY)

@@ -92,6 +92,7 @@ def sortie():
 
 
 def test_a_game_is_flown_and_the_vehicle_handed_over_as_its_file_says(sortie):
+    """Catches a scenario that overrides how its vehicle's file ends a game."""
     flown = sortie(own(), scenario(evader={"position_m": (6.0, 40.0)})).run(120.0)
     outcome = outcome_of_flight(flown.result, "vehicle")
     assert (outcome.run, outcome.end) == ("vehicle", "captured")
@@ -103,6 +104,7 @@ def test_a_game_is_flown_and_the_vehicle_handed_over_as_its_file_says(sortie):
 
 
 def test_without_a_persons_word_nothing_starts_and_nothing_engages(sortie):
+    """Catches a scenario that starts a real vehicle without a person."""
     flown = sortie(own(), scenario(), engage=False).run(66.0)
     assert flown.state is State.READY
     flown.mailbox.ask("start")
@@ -114,6 +116,7 @@ def test_without_a_persons_word_nothing_starts_and_nothing_engages(sortie):
 
 
 def test_a_game_over_its_time_is_handed_over_and_says_so(sortie):
+    """Catches a game that goes on after its time."""
     flown = sortie(own(), scenario().model_copy(update={"time_limit_s": 1.0}))
     flown.run(120.0)
     outcome = outcome_of_flight(flown.result, "vehicle")

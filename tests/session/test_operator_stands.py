@@ -181,6 +181,7 @@ def test_a_hold_outlasts_the_longest_mission(monkeypatch):
 
 @pytest.mark.parametrize("order", LEADS_TO)
 def test_a_daemon_without_a_mission_keeps_every_order_too(base, order):
+    """Catches an order that the daemon takes back by itself."""
     base = base.engaged()
     assert base.order(order)["accepted"]
     state = base.state

@@ -36,6 +36,7 @@ def refused_are_refused_for_that_reason(base):
 
 
 def test_the_status_foresees_every_answer_in_every_state_of_a_flight(base):
+    """Catches a status that foretells another answer than the order gets."""
     base = base()
     met = {}
 
@@ -67,8 +68,8 @@ def test_the_status_foresees_every_answer_in_every_state_of_a_flight(base):
 
 
 def test_an_evader_that_falls_silent_stands_against_engaging(base):
-    base = base()
-    base.standing_by()
+    """Catches a status that promises an engagement which would be refused."""
+    base = base.standing_by()
     base.prey_silent = True
     base.run(3.0)
     assert base.order("status")["refused_orders"]["engage"].startswith("the evader was last heard ")
@@ -76,6 +77,7 @@ def test_an_evader_that_falls_silent_stands_against_engaging(base):
 
 
 def test_what_is_missing_is_listed_with_what_to_do_about_it(base):
+    """Catches a row without advice in the list of what is to do."""
     base = base(parameters={})
     base.run(0.1)
     rows = {row["name"]: row for row in base.order("status")["to_do"]}

@@ -49,6 +49,7 @@ def instead_of_its_own(one, kind):
 
 @pytest.mark.parametrize("autopilot", SET_UP)
 def test_in_flight_they_are_counted_and_the_game_goes_on(base, autopilot):
+    """Catches a game that a camera's HEARTBEAT ends."""
     one = base.engaged(**SET_UP[autopilot])
     for kind in (COMPANION, CAMERA, PLANE[autopilot], (QUADROTOR, 15 - PLANE[autopilot][1])):
         one.overheard(heartbeat(kind))
@@ -59,6 +60,7 @@ def test_in_flight_they_are_counted_and_the_game_goes_on(base, autopilot):
 
 @pytest.mark.parametrize("kind", [(QUADROTOR, 3), PLANE["px4"]])
 def test_an_autopilot_that_becomes_another_in_flight_is_a_lost_one_and_named(base, kind):
+    """Catches foreign HEARTBEATs that keep a lost autopilot alive."""
     one = base.engaged()
     instead_of_its_own(one, kind)
     one.run(4.0)
@@ -70,6 +72,7 @@ def test_an_autopilot_that_becomes_another_in_flight_is_a_lost_one_and_named(bas
 
 @pytest.mark.parametrize(("kind", "words"), [(1, "fixed wing"), (20, "VTOL")])
 def test_a_vehicle_that_is_no_multicopter_does_not_start(base, kind, words):
+    """Catches a daemon that starts a plane."""
     one = base()
     instead_of_its_own(one, (kind, 12))
     one.run(10.0)

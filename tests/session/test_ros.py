@@ -67,6 +67,7 @@ def tokens(opened, kind):
 
 
 def test_a_late_subscriber_hears_every_topic_as_the_record_has_it(graph, short_flight):
+    """Catches ROS messages that differ from the record."""
     opened, client = graph
     record = short_flight[1]
     entries = list(cycles_of(record))
@@ -144,6 +145,7 @@ def _attachments(opened, record, sink):
 
 
 def test_services_do_and_refuse_what_guidance_ctl_does_and_are_off_by_default(graph, base):
+    """Catches a ROS service that goes past the mailbox."""
     opened, client = graph
     one = base().standing_by()
     metadata = {"config": one.config.model_dump_json(), "started_utc": STARTED}

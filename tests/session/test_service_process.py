@@ -241,6 +241,7 @@ def test_check_prints_every_row_and_its_verdict(vehicle_file):
 
 
 def test_a_daemon_waits_for_a_missing_vehicle_and_then_ends_with_one_message(vehicle_file):
+    """Catches a daemon's process that hangs without a vehicle."""
     path, control = vehicle_file("nobody", timeout_s=4.0)
     with subprocess.Popen([GUIDANCE, "run", path], stderr=subprocess.PIPE, text=True) as daemon:
         waiting = until(control, "waiting")
@@ -263,6 +264,7 @@ def test_a_daemon_waits_for_a_missing_vehicle_and_then_ends_with_one_message(veh
 def test_what_cannot_be_done_ends_with_one_clear_message(
     arguments, code, words, tmp_path, monkeypatch
 ):
+    """Catches a traceback of the daemon's process at its start."""
     monkeypatch.chdir(tmp_path)
     done = guidance(*arguments)
     assert done.returncode == code

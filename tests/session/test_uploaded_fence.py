@@ -68,6 +68,7 @@ def fence_row(one):
     ("autopilot", "hidden"), [("arducopter", "RTL_ALT"), ("px4", "COM_RCL_EXCEPT")]
 )
 def test_a_tight_fence_is_read_although_another_parameter_does_not_exist(base, autopilot, hidden):
+    """Catches a fence that is not read behind a missing parameter."""
     one = base(**SET_UP[autopilot])
     without_parameters(one, {hidden})
     one.run(1.0)
@@ -81,6 +82,7 @@ def test_a_tight_fence_is_read_although_another_parameter_does_not_exist(base, a
 
 @pytest.mark.parametrize("autopilot", SET_UP)
 def test_a_fence_uploaded_while_standing_by_is_judged_before_the_game(base, autopilot):
+    """Catches a fence that came after the start and is flown into."""
     one = base.standing_by(**SET_UP[autopilot])
     upload(one, around(12.0))
     answer = one.order("engage")
@@ -92,6 +94,7 @@ def test_a_fence_uploaded_while_standing_by_is_judged_before_the_game(base, auto
 
 
 def test_a_fence_that_does_not_answer_refuses_the_game_in_time(base):
+    """Catches an engagement by a fence that was not read again."""
     one = base.standing_by()
     step = one.vehicle.step
     one.vehicle.step = lambda now_s, frames=(): [
@@ -125,6 +128,7 @@ def over_a_slow_link(one, by_s):
 
 
 def test_a_fence_too_large_for_one_order_is_read_on_and_serves_the_next(base):
+    """Catches a download that each order begins anew and none finishes."""
     ring = [(north / 5.0, 1.0) for north in range(-5, 6)]
     ring += [(-north, -east) for north, east in ring]
     one = base.standing_by()

@@ -47,6 +47,7 @@ def run():
 
 
 def test_the_first_command_prints_what_is_shown(run):
+    """Catches a page that shows another output than the command's."""
     port = mock_ports()
     command = blocks("sh")[0]
     shown = blocks("text")[0]
@@ -69,6 +70,7 @@ def test_the_fleet_file_has_every_key_and_flies():
 
 
 def test_the_suite_of_the_recipe_passes_with_the_plugin_alone(tmp_path):
+    """Catches a recipe of the page that fails, or needs our own tests."""
     (tmp_path / "test_recipe.py").write_text("\n\n".join(blocks("python")), encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_recipe.py"],
@@ -80,6 +82,7 @@ def test_the_suite_of_the_recipe_passes_with_the_plugin_alone(tmp_path):
 
 
 def test_the_workflow_installs_this_project_and_its_client_flies(tmp_path):
+    """Catches a workflow of the page that no longer runs."""
     (job,) = yaml.safe_load(blocks("yaml")[0])["jobs"].values()
     steps = {step.get("name", step.get("uses")): step for step in job["steps"]}
     checkout = steps["actions/checkout@v4"]["with"]["path"]
@@ -115,6 +118,7 @@ def test_the_workflow_installs_this_project_and_its_client_flies(tmp_path):
 
 
 def test_a_ground_station_that_only_listens_sees_every_vehicle_and_reads_parameters(run):
+    """Catches a port for ground stations that a listener never hears."""
     port = mock_ports()
     program, *arguments = shlex.split(
         next(block for block in blocks("sh") if "--gcs" in block).replace("14550", str(port))

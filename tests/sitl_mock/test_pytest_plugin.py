@@ -19,6 +19,7 @@ def test_pytest_finds_the_plugin_by_its_entry_point():
 
 
 def test_loading_the_plugin_loads_nothing_heavy():
+    """Catches a plugin that slows down every suite on its computer."""
     names = ("pymavlink", "zenoh", "numpy", "pydantic", "sitl_mock.vehicle.mock_vehicle")
     heavy = f"[name for name in {names} if name in sys.modules]"
     code = f"import sys, sitl_mock.pytest_plugin; print({heavy})"
@@ -63,6 +64,7 @@ def test_a_fleet_may_be_a_list_of_flavours():
 
 
 def test_fleets_that_run_side_by_side_share_no_port(mock_fleet):
+    """Catches two fleets that choose the same port."""
     fleets = [mock_fleet({"a": "arducopter", "b": "px4"}, over=["udp"]) for _ in range(3)]
     ports = [vehicle.udp_port for fleet in fleets for vehicle in fleet.values()]
     assert len(set(ports)) == 6

@@ -65,7 +65,10 @@ def test_no_picture_is_written_through_a_symbolic_link(tmp_path):
 
 
 def test_a_scenario_may_be_called_what_would_be_a_formula(tmp_path):
-    """Its title goes into the picture of the scenario, and of a sweep over it."""
+    """Catches a title that matplotlib reads as a formula.
+
+    Its title goes into the picture of the scenario, and of a sweep over it.
+    """
     scenario = NEAR.model_copy(update={"title": r"$\frac{$"})
     draw_scenario(scenario, tmp_path / "scenario.png")
     save(titled_figure(scenario.title, 1, 1)[0], tmp_path / "sweep.png")
@@ -110,6 +113,7 @@ def test_the_whole_fence_is_shown_where_that_is_asked_for():
 
 
 def test_a_scenario_that_ends_where_it_begins_is_drawn(tmp_path):
+    """Catches a picture of a single point."""
     evader = NEAR.evader.position_m
     above = NEAR.pursuer.model_copy(update={"position_m": (*evader[:2], NEAR.standoff.height_m)})
     scenario = NEAR.model_copy(update={"pursuer": above})
@@ -119,6 +123,7 @@ def test_a_scenario_that_ends_where_it_begins_is_drawn(tmp_path):
 
 
 def test_pictures_need_no_more_than_their_extra():
+    """Catches a picture that needs another extra's package."""
     code = "import sys, guidance.viz.figures; print({'scipy', 'pyarrow', 'rerun', 'aiohttp'} & set(sys.modules))"
     said = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60

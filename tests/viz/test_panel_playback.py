@@ -41,6 +41,7 @@ def folder(record, tmp_path):
 
 
 async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monkeypatch):
+    """Catches a list that reads every record at each look."""
     first = folder.listed()  # at once, without details
     assert [row["reading"] for row in first] == [True] * 3
     assert all(row["megabytes"] >= 0.0 for row in first)
@@ -80,6 +81,7 @@ async def test_a_reader_that_dies_leaves_an_error_for_each_record_that_it_did_no
 
 
 async def test_products_are_made_only_from_records_of_the_folder(folder):
+    """Catches a file outside of the folder that a page can ask for."""
     for name, what in (
         ("../uav1.mcap", "events"),
         ("/etc/passwd", "events"),
@@ -120,6 +122,7 @@ async def test_record_routes_answer_with_the_right_content_types(folder, monkeyp
 
 
 def test_a_replay_contains_the_whole_flight_in_order(record, capsys):
+    """Catches frames of a replay that are missing or out of order."""
     assert snapshot.main("frames", str(record)) == 0
     said = json.loads(capsys.readouterr().out)
     times = [frame["now_s"] for frame in said["frames"]]
@@ -148,6 +151,7 @@ class CountedBus(DaemonBus):
 
 
 def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path):
+    """Catches a page that changes the flight it looks at."""
     endpoint = free_endpoint()
     bus = CountedBus(endpoint, None, MonotonicClock(), NO_CREDENTIALS)
     hub = Hub([bus], MonotonicClock())

@@ -313,6 +313,7 @@ def test_the_end_of_a_flight_is_shown_until_the_next_flight(told, record):
 
 
 def test_the_history_is_limited_to_five_minutes(told, cycles):
+    """Catches a page whose memory grows with the flight."""
     last = cycles[-1]
     row = json.loads(last.data)
     for number in range(3000):

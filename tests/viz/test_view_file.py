@@ -73,6 +73,7 @@ def seen(record, tmp_path_factory):
 
 
 def test_both_are_where_the_certificates_have_them_at_every_cycle_of_the_game(seen, rows):
+    """Catches players that are shown elsewhere than they were."""
     played = [row for row in rows if row.certificate is not None]
     for entity, where in (("/game/pursuer", "pursuer_game_m"), ("/game/evader", "evader_game_m")):
         times, places = seen[0].of(entity, "positions")
@@ -89,6 +90,7 @@ def test_both_are_where_the_certificates_have_them_at_every_cycle_of_the_game(se
 
 
 def test_all_vehicles_of_a_team_are_in_one_recording(record, tmp_path):
+    """Catches a vehicle that overwrites another one's curves."""
     for name in ("uav1", "uav2"):
         (tmp_path / name).mkdir()
         shutil.copy(record, tmp_path / name / "record.mcap")
@@ -161,7 +163,10 @@ def test_fence_events_states_and_a_layout_are_there(seen, record, rows):
 
 
 def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp_path, monkeypatch):
-    """The file gets longer only while the viewer waits for it: every wait is another piece."""
+    """Catches a view that loses what is written while it reads.
+
+    The file gets longer only while the viewer waits for it: every wait is another piece.
+    """
     whole = record.read_bytes()
     growing = tmp_path / "growing.mcap"
     growing.write_bytes(whole[:100])
@@ -196,6 +201,7 @@ def test_reruns_own_reader_of_mcap_finds_every_message_of_the_record(record):
 
 
 def test_a_second_flight_in_a_record_begins_anew(record, tmp_path):
+    """Catches curves of a flight that go on into the next."""
     recording = rr.RecordingStream("guidance")
     recording.set_sinks(rr.FileSink(tmp_path / "two.rrd"))
     painter = Painter(recording, Aggregator(recorded_settings, metadata_of(record), "two"))
@@ -273,5 +279,6 @@ def test_a_port_out_of_range_is_refused_by_name(record, option):
 
 
 def test_looking_at_a_flight_imports_no_matplotlib():
+    """Catches a view that takes seconds to start."""
     program = "import sys, guidance.viz.view; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -84,6 +84,7 @@ def served(record):
 
 
 def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else(served):
+    """Catches a viewer that the network can reach."""
     child, url, pids = served
     # 127.0.0.1, and the hidden ones of Rerun's two servers
     until(lambda: len(set().union(*map(listening, pids))) == 3)
@@ -111,6 +112,7 @@ def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else
 
 @pytest.mark.parametrize("end", [pytest.param("our end", marks=pytest.mark.long), "kill -9"])
 def test_nothing_of_it_outlives_the_one_that_started_it(served, end):
+    """Catches a viewer that stays behind a killed command."""
     child, _, pids = served
     assert len(pids) == 2
     if end == "our end":
@@ -121,6 +123,7 @@ def test_nothing_of_it_outlives_the_one_that_started_it(served, end):
 
 
 def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capfd):
+    """Catches a flight that waits for its viewer."""
     said = []
     beside = CommandBeside("view", str(record), "--follow", *FREE, say=said.append)
     pids = children(beside.child.pid)
@@ -134,6 +137,7 @@ def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capf
 
 
 def test_a_mocked_flight_is_shown_during_the_flight_and_until_it_is_closed(tmp_path):
+    """Catches a viewer that ends with the flight, or stays behind."""
     scenario = Path(__file__).parents[1] / "data" / "near_chase.toml"
     program = "from guidance.cli import main; main()"
     words = [
@@ -230,7 +234,10 @@ def test_with_several_daemons_a_name_is_asked_for_and_nobody_is_one_clear_error(
 
 
 def test_the_command_shows_a_daemon_live(bus, record):
-    """The whole way: a broadcast, `guidance view --live` as its own process, and an end by signal."""
+    """Catches a break in the way from a daemon to the viewer.
+
+    The whole way: a broadcast, `guidance view --live` as its own process, and an end by signal.
+    """
     (other, broadcast), endpoint = bus
     other.close()
     cycles = list(cycles_of(record))

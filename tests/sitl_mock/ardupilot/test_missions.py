@@ -64,6 +64,7 @@ def positions(flight, since_s=0.0, until_s=math.inf):
 
 
 def test_nav_delay_waits_at_the_last_position(flown):
+    """Catches a delay that is flown through."""
     flight = flown(at(20.0), order(93, 20.0, -1.0, -1.0, -1.0), at(40.0))
     times = reached_s(flight)
     assert times[3] - times[2] == pytest.approx(20.0, abs=0.1)
@@ -73,6 +74,7 @@ def test_nav_delay_waits_at_the_last_position(flown):
 
 
 def test_condition_delay_holds_back_what_follows_but_not_the_flight(flown):
+    """Catches a delay that stops the vehicle."""
     flight = flown(at(20.0), order(112, 4.0), order(178, 1.0, 2.0, -1.0), at(80.0))
     times = reached_s(flight)
     assert times[3] - times[2] == pytest.approx(4.0, abs=0.1)
@@ -84,12 +86,14 @@ def test_condition_delay_holds_back_what_follows_but_not_the_flight(flown):
 
 
 def test_a_condition_is_dropped_when_the_position_is_reached_first(flown):
+    """Catches a condition that outlives its leg."""
     flight = flown(at(20.0), order(112, 60.0), order(178, 1.0, 2.0, -1.0), at(50.0), at(110.0))
     assert {3, 4}.isdisjoint(reached_s(flight))
     assert max(m.vx for m in positions(flight)) > 8.0
 
 
 def test_condition_distance_waits_until_the_position_is_near(flown):
+    """Catches a distance that counts from the last place."""
     flight = flown(at(20.0), order(114, 30.0), order(207, 1.0), at(100.0))
     distance_s = reached_s(flight)[3]
     near = positions(flight, distance_s)[0]
@@ -108,6 +112,7 @@ def test_condition_yaw_turns_the_nose_until_the_next_position(flown):
 
 @pytest.mark.parametrize(("radius_m", "turn"), [(10.0, 1.0), (-10.0, -1.0)])
 def test_loiter_turns_flies_its_circles(flown, radius_m, turn):
+    """Catches circles of a wrong radius, number or sense."""
     flight = flown(at(30.0, 0.0, 2.0, 0.0, radius_m, number=18), at(60.0))
     times = reached_s(flight)
     track = [(m.x - 30.0, m.y) for m in positions(flight, times[1], times[2])]
@@ -119,6 +124,7 @@ def test_loiter_turns_flies_its_circles(flown, radius_m, turn):
 
 
 def test_loiter_turns_without_a_radius_has_circle_radius(flown):
+    """Catches circles that ignore CIRCLE_RADIUS."""
     flight = flown(
         at(30.0, 0.0, 1.0, 0.0, 0.0, number=18), at(60.0), parameters={"CIRCLE_RADIUS": 500.0}
     )
@@ -128,6 +134,7 @@ def test_loiter_turns_without_a_radius_has_circle_radius(flown):
 
 
 def test_a_jump_to_a_tag_repeats_what_is_behind_it(flown):
+    """Catches a jump by number instead of by tag."""
     flight = flown(order(600, 7.0), at(20.0), at(40.0), order(601, 7.0, 2.0))
     assert [seq for seq in reached(flight) if seq in {3, 4}] == [3, 4, 3, 4, 3, 4]
 

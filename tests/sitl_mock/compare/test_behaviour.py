@@ -70,6 +70,7 @@ def recorded(
 
 @pytest.mark.parametrize("flavour", [pytest.param("px4", marks=pytest.mark.long), "arducopter"])
 def test_a_recording_of_the_mock_itself_is_no_different(tmp_path, flavour):
+    """Catches a difference that the comparison makes up."""
     commands = (ARM,) if flavour == "px4" else (*RATES, GUIDED, ARM, TAKE_OFF)
     file = recorded(tmp_path / "flight.tlog", flavour, commands=commands)
     recording = read_tlog(file)
@@ -81,6 +82,7 @@ def test_a_recording_of_the_mock_itself_is_no_different(tmp_path, flavour):
 
 
 def test_a_message_that_one_side_lacks_is_found(tmp_path):
+    """Catches a message that a comparison misses."""
     file = recorded(tmp_path / "flight.tlog", keep=lambda message: message.get_type() != "ATTITUDE")
     recording = read_tlog(file)
     found = differences(behaviour_of(recording.said), behaviour_of(fly_recording(recording)))

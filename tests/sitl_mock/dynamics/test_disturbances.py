@@ -22,6 +22,7 @@ def run_wander(seed: int, steps: int, dt_s: float) -> tuple[np.ndarray, np.ndarr
 
 @pytest.mark.parametrize("dt_s", [0.2, 1.0])
 def test_the_estimators_error_has_the_measured_spread_at_any_step(dt_s):
+    """Catches errors that grow with the size of the step."""
     places, speeds = run_wander(1, round(8000 / dt_s), dt_s)
     assert places.std(axis=0) == pytest.approx([0.13, 0.21, 0.31], rel=0.12)
     assert speeds.std(axis=0) == pytest.approx([0.17, 0.30, 0.16], rel=0.12)

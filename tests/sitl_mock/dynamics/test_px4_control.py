@@ -126,6 +126,7 @@ def wandering(seed: int):
 
 
 def test_a_held_velocity_alone_lets_height_wander_by_metres(fly, stream):
+    """Catches a mock that holds its height better than PX4."""
     flights = [
         fly(px4_quadrotor(), stream(5.0), 75.0, around=wandering(seed)) for seed in range(10)
     ]

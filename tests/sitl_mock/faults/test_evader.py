@@ -36,6 +36,7 @@ def test_reports_are_out_of_order_and_complete(rig):
     ("offset_s", "drift_ppm"), [(12.5, 0.0), (-0.2, 0.0), (0.0, 50_000.0), (3.0, -20_000.0)]
 )
 def test_the_clock_of_the_evader_is_off_by_offset_and_drift(rig, offset_s, drift_ppm):
+    """Catches a clock's fault with a wrong sign or origin."""
     flight = rig(
         {"kind": "evader_clock", "offset_s": offset_s, "drift_ppm": drift_ppm, "at_s": 1.0},
         dt_s=0.01,

@@ -149,6 +149,7 @@ KEYS = sorted(
     keys=st.dictionaries(st.sampled_from(KEYS), JSON, max_size=3),
 )
 def test_any_request_is_answered_or_refused_in_words(plain_vehicle, do, kind, keys):
+    """Catches a request over the bus that ends in an exception."""
     request = {"do": do, **keys} | ({"kind": kind} if do == "inject" else {})
     with contextlib.suppress(ConfigError):  # anything else would leave a query without an answer
         json.dumps(answer(plain_vehicle, request))
@@ -164,6 +165,7 @@ def test_faults_that_double_each_other_do_not_multiply_without_end():
 
 
 def test_hostile_bytes_pass_every_fault_without_exception_or_change_of_state():
+    """Catches a fault that trusts the bytes it changes."""
     needs = {"ack_wrong": {"result": 3}, "param_echo": {"parameter": "COM_OF_LOSS_T", "value": 1}}
     both = [
         {

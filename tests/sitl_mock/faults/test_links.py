@@ -17,6 +17,7 @@ def rate_hz(rig, name, since_s, until_s):
 
 
 def test_loss_takes_its_share_of_the_messages_named_and_of_no_others(rig):
+    """Catches a loss of the wrong share or message."""
     flight = rig({"kind": "loss", "probability": 0.3, "messages": ["ATTITUDE"]}).run(20.0)
     assert rate_hz(flight, "ATTITUDE", 0, 20) == pytest.approx(70.0, abs=6.0)
     assert rate_hz(flight, "HIGHRES_IMU", 0, 20) == pytest.approx(50.0, abs=0.2)
@@ -279,6 +280,7 @@ def test_altered_frames_of_a_vehicle_that_signs_are_signed_again(rig):
 
 
 def test_frames_of_every_kind_of_fault_are_valid_unless_the_fault_damages_them(rig):
+    """Catches a fault that forgets the checksum."""
     needs = {"ack_wrong": {"result": 3}, "param_echo": {"parameter": "COM_OF_LOSS_T", "value": 1}}
     for name, kind in KINDS.items():
         if kind.scope is None or name in {"corrupt", "router_restart"}:

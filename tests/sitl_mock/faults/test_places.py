@@ -85,6 +85,7 @@ def test_a_lie_in_velocity_leaves_positions_alone(rig):
 
 
 def test_bursts_lose_every_frame_for_a_while_and_about_their_share(rig):
+    """Catches a burst that loses single frames only."""
     flight = rig({"kind": "burst_loss", "good_s": 0.6, "lost_s": 0.3, "at_s": 1.0}).run(61.0)
     times = [t for t, _ in flight.all("ATTITUDE", 1.0)]
     gaps = [b - a for a, b in itertools.pairwise(times)]
@@ -101,6 +102,7 @@ def test_bursts_lose_every_frame_for_a_while_and_about_their_share(rig):
     ],
 )
 def test_the_estimate_slides_and_the_vehicle_follows_it_the_other_way(rig, fault, axis, slid_m):
+    """Catches a drift that moves the report but not the vehicle."""
     flight = rig({**fault, "after": "AIRBORNE", "at_s": 20.0, "for_s": 5.0}).airborne()
     before = flight.vehicle.truth.position_ned_m[axis]
     flight.run(30.0)
@@ -111,6 +113,7 @@ def test_the_estimate_slides_and_the_vehicle_follows_it_the_other_way(rig, fault
 
 
 def test_rotors_that_give_less_let_the_vehicle_sink_and_it_catches_itself(rig):
+    """Catches a loss of thrust without an effect, or one that stays."""
     flight = rig(
         {"kind": "thrust_loss", "share": 0.5, "after": "AIRBORNE", "at_s": 20.0, "for_s": 1.0}
     ).airborne()
@@ -125,6 +128,7 @@ def test_rotors_that_give_less_let_the_vehicle_sink_and_it_catches_itself(rig):
 
 @pytest.mark.parametrize("flavour", ["px4", "arducopter"])
 def test_another_program_moves_the_vehicle_between_our_setpoints(rig, ned_velocity, flavour):
+    """Catches a second source that the vehicle does not obey."""
     flight = rig(flavour=flavour).airborne()
     still = ned_velocity(0, 0, 0)
     flight.guided(*still).run(1.0, *still)

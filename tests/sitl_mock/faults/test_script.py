@@ -34,6 +34,7 @@ def bytes_of(rig, seed):
 
 
 def test_equal_seed_and_script_give_equal_bytes_and_another_seed_others(rig):
+    """Catches randomness outside of the seed, in any fault."""
     first = bytes_of(rig, 1)
     assert bytes_of(rig, 1) == first
     assert bytes_of(rig, 2) != first

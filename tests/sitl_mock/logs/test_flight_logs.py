@@ -101,6 +101,7 @@ def flights():
 
 @pytest.mark.parametrize("flavour", ["px4", "arducopter"])
 def test_a_flight_is_listed_and_downloaded_and_its_file_is_the_same(flights, flavour):
+    """Catches a download with a missing or doubled piece."""
     flown = flights[flavour]
     (entry,) = flown.listed()
     assert entry.id == (0 if flown.vehicle.flavour == "px4" else 1)
@@ -166,7 +167,10 @@ def test_calibrate_reads_the_commands_and_the_motion_of_a_flight(
 
 
 def test_a_mock_flies_the_climb_of_its_own_log_again(tmp_path):
-    """From the ground, and with steps that fall between the log's samples."""
+    """Catches a log whose commands or times are off.
+
+    From the ground, and with steps that fall between the log's samples.
+    """
     flight = Flight("px4", noise=False)
     for velocity, steps in (
         ((0.0, 0.0, -2.0), 50),

@@ -83,6 +83,7 @@ def witness(system=7, component=9, sequence=0):
 @settings(max_examples=drawn(600), deadline=None)
 @given(any_message(), st.integers(0, 255), st.integers(0, 255), st.integers(0, 255))
 def test_every_message_packs_to_the_bytes_of_pymavlink(message, sequence, system, component):
+    """Catches a byte that our encoder writes otherwise than pymavlink."""
     cls, values = message
     encoder = Encoder(system, component)
     encoder.sequence = sequence
@@ -94,6 +95,7 @@ def test_every_message_packs_to_the_bytes_of_pymavlink(message, sequence, system
 @settings(max_examples=drawn(600), deadline=None)
 @given(any_message(), st.integers(0, 255))
 def test_every_message_of_pymavlink_decodes_to_the_same_object(message, sequence):
+    """Catches a field that our decoder reads otherwise than pymavlink."""
     cls, values = message
     frame = cls(*values).pack(witness(sequence=sequence))
     theirs = witness().decode(bytearray(frame))

@@ -44,6 +44,7 @@ def reached(flight):
 
 @pytest.mark.parametrize("flavour", [pytest.param("px4", marks=pytest.mark.long), "arducopter"])
 def test_a_mission_of_25_items_is_flown_in_order_and_landed(fly, flavour):
+    """Catches an item that is skipped, and a mission without a landing."""
     flight = fly(flavour).run(1.0)
     home = [item(flight, 16, 0, 0, 0.0)] if flavour == "arducopter" else []
     items = [*home, item(flight, 22, 0, 0, 8.0), *square(flight, 23), item(flight, 21, 0, 0, 0.0)]
@@ -76,6 +77,7 @@ def test_a_mission_that_ends_in_the_air_holds_there(fly):
 
 
 def test_an_interrupted_mission_goes_on_where_it_was(fly):
+    """Catches a mission that begins again after a hold."""
     flight = fly.airborne("px4", height=8.0)
     upload(flight, square(flight, 4))
     flight.command(300, 0.0)
@@ -97,6 +99,7 @@ def test_set_current_jumps(fly):
 
 
 def test_a_wait_is_kept_and_a_speed_change_is_obeyed(fly):
+    """Catches items of time and speed without an effect."""
     flight = fly.airborne("px4", height=8.0)
     items = [
         (2, 178, 0, 1, 1.0, 2.0, -1.0, 0.0, 0, 0, 0.0),
@@ -143,7 +146,10 @@ def test_an_uploaded_polygon_is_a_fence(fly, ned_velocity):
 
 @pytest.mark.parametrize("height", [math.nan, math.inf])
 def test_px4_stores_any_place_and_waits_for_ever_before_one_without_a_height(fly, height):
-    """Measured on v1.17: it hovers where the item before ended and reaches no other."""
+    """Catches a place without a height that is flown to.
+
+    Measured on v1.17: it hovers where the item before ended and reaches no other.
+    """
     flight = fly("px4").run(6.0)
     take_off = item(flight, 22, 0.0, 0.0, 5.0)
     beyond = (6, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, 910_000_000, 2**31 - 1, 5.0)
@@ -158,6 +164,7 @@ def test_px4_stores_any_place_and_waits_for_ever_before_one_without_a_height(fly
 
 
 def test_px4_waits_for_a_nav_delay_in_flight_and_on_the_ground(fly):
+    """Catches a delay that is lost before the take-off."""
     flight = fly("px4").run(1.0)
     delay = (2, 93, 0, 1, 5.0, -1.0, -1.0, -1.0, 0, 0, 0.0)
     items = [
@@ -229,6 +236,7 @@ def follow_up(flight, replaced):
     ("replaced", "is_paused"), list(zip(RUNNING, (True, False, True, False), strict=True))
 )
 def test_a_mission_replaced_in_flight_goes_on_as_on_px4(fly, replaced, is_paused):
+    """Catches a new mission that begins at a wrong item in flight."""
     flight = fly.airborne("px4", height=8.0)
     upload(flight, legs(flight, 4))
     flight.command(300, 0.0)
@@ -241,7 +249,10 @@ def test_a_mission_replaced_in_flight_goes_on_as_on_px4(fly, replaced, is_paused
 
 @pytest.mark.parametrize("replaced", FINISHED)
 def test_a_finished_mission_is_replaced_as_on_px4(fly, replaced):
-    """A finished mission uploaded once more is not flown: nothing has changed, and no item is left."""
+    """Catches a new mission that begins at a wrong item after the end of the old one.
+
+    A finished mission uploaded once more is not flown: nothing has changed, and no item is left.
+    """
     flight = fly.airborne("px4", height=8.0, texts=True)
     upload(flight, legs(flight, 4))
     flight.command(300, 0.0)
@@ -253,6 +264,7 @@ def test_a_finished_mission_is_replaced_as_on_px4(fly, replaced):
 
 
 def test_a_finished_mission_starts_again_after_the_vehicle_was_disarmed(fly):
+    """Catches an end that outlives disarming."""
     flight = fly.airborne("px4", height=3.0)
     upload(flight, [item(flight, 16, 5.0, 0.0, 3.0), item(flight, 16, 8.0, 0.0, 3.0)])
     flight.command(300, 0.0)
@@ -267,6 +279,7 @@ def test_a_finished_mission_starts_again_after_the_vehicle_was_disarmed(fly):
 
 
 def test_a_mission_that_px4_cannot_fly_is_accepted_ends_the_flight_and_is_refused(fly):
+    """Catches an impossible mission that is flown."""
     flight = fly("px4").run(1.0)
     landing = item(flight, 21, 0, 0, 0.0)
     take_off = item(flight, 22, 0, 0, 8.0)

@@ -130,6 +130,7 @@ def test_landing_slows_down_near_the_ground_and_disarms(fly):
 
 
 def test_return_climbs_crosses_descends_and_lands_at_home(fly):
+    """Catches a return that is too low, or lands elsewhere."""
     flight = fly.airborne(
         "px4", parameters={"RTL_RETURN_ALT": 25.0, "RTL_DESCEND_ALT": 10.0}, height=5.0
     )

@@ -157,6 +157,7 @@ def hovering(fly, seed, **settings):
 
 @pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_row_07_home_jumps_in_height_in_flight_and_nothing_else_of_it_does(fly, ned_velocity, seed):
+    """Catches a home that rests where PX4's jumps by metres."""
     flight = hovering(fly, seed)
     begun_s = flight.now_s
     flight.offboard(ned_velocity(1.0, 0.0, 0.0)).run(40.0, ned_velocity(1.0, 0.0, 0.0))
@@ -190,6 +191,7 @@ def test_row_07_two_minutes_after_leaving_the_ground_home_stays(fly):
 
 
 def test_row_07_the_local_frame_stays_and_equal_seeds_wander_equally(fly):
+    """Catches an origin that wanders with home."""
     flights = [hovering(fly, seed).run(10.0) for seed in (5, 5, 6)]
     origins = []
     for flight in flights:
@@ -228,6 +230,7 @@ def test_row_07_without_noise_home_rests(fly):
 
 
 def test_row_07_the_receiver_scatters_as_the_recorded_one_does(fly):
+    """Catches a receiver that is quieter than the recorded one."""
     flight = hovering(fly, 8).run(40.0)
     fixes = [m for _, m in flight.all("GPS_RAW_INT", flight.now_s - 40.0)]
     steps = [(b.alt - a.alt) * 1e-3 for a, b in itertools.pairwise(fixes)]

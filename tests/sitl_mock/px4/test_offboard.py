@@ -275,6 +275,7 @@ def test_a_pilot_in_posctl_is_not_fought_by_the_stream(fly, ned_velocity):
 
 
 def test_sticks_do_not_leave_offboard_unless_com_rc_override_says_so(fly, ned_velocity):
+    """Catches sticks that take over whatever COM_RC_OVERRIDE says."""
     stream = ned_velocity(1.0, 0.0, 0.0)
     for override, mode in ((1, "OFFBOARD"), (3, "POSCTL")):
         flight = fly.airborne("px4").change(COM_RC_OVERRIDE=override)

@@ -91,6 +91,7 @@ def test_a_reader_that_does_not_read_stops_no_vehicle(vehicle):
 
 
 def test_without_a_reader_it_goes_on_in_silence():
+    """Catches a mock that dies with the reader of its output."""
     child = subprocess.Popen([*RUN, "--vehicles", "1", "--zenoh", "tcp/127.0.0.1:0", "--parent-pipe"],
                              stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
     child.stdout.readline()
@@ -128,6 +129,7 @@ def test_where_the_cursor_cannot_move_there_are_lines(vehicle, monkeypatch):
 
 @pytest.mark.parametrize(("columns", "plain"), [(80, False), (120, True)])
 def test_on_a_terminal_a_table_fits_and_has_no_colour_where_none_is_wanted(columns, plain):
+    """Catches colours in spite of NO_COLOR, and lines too long for the terminal."""
     controller, terminal = pty.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 30, columns, 0, 0))
     environment = {**os.environ, "TERM": "xterm", **({"NO_COLOR": "1"} if plain else {})}
@@ -169,6 +171,7 @@ def test_on_a_terminal_a_table_fits_and_has_no_colour_where_none_is_wanted(colum
 
 @pytest.mark.parametrize(("flavour", "step"), [("px4", 1), ("arducopter", 10), ("rover", 10)])
 def test_the_printed_lines_connect(flavour, step):
+    """Catches a printed address that no client reaches."""
     port = mock_ports()
     arguments = [
         "--vehicles",

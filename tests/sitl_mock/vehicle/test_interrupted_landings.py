@@ -47,6 +47,7 @@ def test_hold_stops_a_descent_in_the_air_and_stays_there(fly, name, descent):
 
 @pytest.mark.parametrize("name", AUTOPILOTS)
 def test_hold_stops_the_way_home(fly, name, ned_velocity):
+    """Catches a hold that waits for the end of a return."""
     flight = fly.airborne(name, height=35.0)
     stream = ned_velocity(5.0, 0.0, 0.0)
     (flight.offboard(stream) if name == "px4" else flight).run(12.0, stream)
@@ -63,6 +64,7 @@ def test_hold_stops_the_way_home(fly, name, ned_velocity):
 
 @pytest.mark.parametrize("name", AUTOPILOTS)
 def test_return_interrupts_a_landing_and_lands_at_home(fly, name, ned_velocity):
+    """Catches a return that waits for the end of a landing."""
     flight = fly.airborne(name, height=12.0)
     stream = ned_velocity(4.0, 0.0, 0.0)
     (flight.offboard(stream) if name == "px4" else flight).run(8.0, stream)

@@ -130,6 +130,7 @@ def test_a_vehicle_under_fire_does_what_its_twin_does_in_peace(flavour, key):
 
 @pytest.mark.parametrize("flavour", FLAVOURS)
 def test_valid_frames_with_random_fields_never_raise_and_heartbeats_continue(flavour):
+    """Catches a handler that trusts a field of a valid frame."""
     mock = vehicle(flavour)
     client = Client(flavour)
     traffic = HostileTraffic(seed=1)

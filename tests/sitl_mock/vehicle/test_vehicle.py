@@ -25,6 +25,7 @@ def flown_bytes(flight, ned_velocity):
 
 @pytest.mark.parametrize("flavour", ["px4", "arducopter"])
 def test_equal_seeds_give_equal_bytes_and_others_do_not(fly, ned_velocity, flavour):
+    """Catches randomness outside of the seed, or a clock of the computer."""
     first, again, other = (
         flown_bytes(fly(flavour, noise=True, seed=seed, texts=True), ned_velocity)
         for seed in (4, 4, 5)
@@ -157,6 +158,7 @@ def test_the_origin_can_be_set_before_arming_and_is_confirmed(fly):
 
 
 def test_estimation_noise_has_the_measured_size():
+    """Catches an estimate that is better or worse than PX4's."""
     vehicle = MockVehicle("px4", seed=1, ready_after_s=0.5)
     encoder = Encoder(1, 195)
     stream = encoder.pack(

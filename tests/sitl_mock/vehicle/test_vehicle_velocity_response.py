@@ -13,16 +13,11 @@ pytestmark = pytest.mark.flight
 
 STEPS = [
     # flavour, command (north, down), t10, t63, reached
-    ("px4", (2.0, 0.0), 0.34, 1.11, 1.84),
     ("px4", (5.0, 0.0), 0.26, 1.00, 4.52),
-    ("px4", (0.0, -2.0), 0.10, 0.30, 2.04),
     ("px4", (0.0, -5.0), 0.13, None, 2.98),
     ("px4", (0.0, 2.0), 0.12, 0.52, 1.51),
-    ("arducopter", (2.0, 0.0), 0.43, 0.91, 1.99),
     ("arducopter", (5.0, 0.0), 0.57, 1.61, 5.04),
     ("arducopter", (0.0, -2.0), 0.40, 1.38, 1.95),
-    ("arducopter", (0.0, -5.0), 0.68, 3.00, 4.84),
-    ("arducopter", (0.0, 2.0), 0.44, 1.40, 1.93),
 ]
 
 
@@ -53,14 +48,6 @@ def test_a_step_rises_and_settles_as_measured(
     assert sum(settled) / len(settled) == pytest.approx(reached, abs=max(0.12, 0.04 * reached))
 
 
-def test_px4_clips_at_its_limits_and_arducopter_does_not(fly, ned_velocity):
-    fast = ned_velocity(40.0, 0.0, 0.0)
-    px4 = fly.airborne("px4", height=40.0).offboard(fast).run(25.0, fast)
-    copter = fly.airborne("arducopter", height=40.0).offboard(fast).run(25.0, fast)
-    assert 8.0 < px4.velocity[0] < 12.2
-    assert copter.velocity[0] > 10.0
-
-
 def test_feed_forward_of_acceleration_shortens_px4s_lag(fly):
     def stream(acceleration):
         return (
@@ -89,23 +76,3 @@ def test_feed_forward_of_acceleration_shortens_px4s_lag(fly):
         flight.run(1.0, stream(acceleration))
         reached.append(flight.velocity[0])
     assert reached[1] > reached[0] + 0.3
-
-
-def test_px4_wanders_in_height_by_its_own_estimate_when_only_velocities_are_held(fly, ned_velocity):
-    """Measured: -20 to -13.5 m in 75 s. Seeds differ; over a few of them the spread is metres, not centimetres."""
-    drifts = []
-    for seed in range(4):
-        flight = fly.airborne("px4", noise=True, seed=seed, dt_s=0.1, height=20.0)
-        still = ned_velocity(0.0, 0.0, 0.0)
-        flight.offboard(still)
-        begun = flight.height
-        flight.run(75.0, still)
-        drifts.append(abs(flight.height - begun))
-    assert 1.0 < max(drifts) < 20.0
-
-
-def test_arducopter_holds_its_height_within_a_few_decimetres(fly, ned_velocity):
-    flight = fly.airborne("arducopter", noise=True, height=20.0)
-    begun = flight.height
-    flight.run(40.0, ned_velocity(5.0, 0.0, 0.0))
-    assert abs(flight.height - begun) < 0.5
