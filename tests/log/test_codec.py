@@ -38,7 +38,6 @@ def of_kind(kind):
     return st.builds(kind, **{name: VALUES[hint] for name, hint in get_type_hints(kind).items()})
 
 
-VALUES[bool] = st.booleans()
 VALUES[int | None] = st.none() | VALUES[int]
 VALUES[str | None] = st.none() | VALUES[str]
 VALUES[Datum] = st.sampled_from(Datum)

@@ -54,7 +54,6 @@ SOON_DOWN = {
 }  # fmt: skip
 """Parameters of PX4 that bring a vehicle home in less time."""
 PX4_FOUND = Found(1, 1, 12, 2)
-ASKING = {"COMMAND_LONG": {511, 512}}
 
 
 class World(VirtualClock):

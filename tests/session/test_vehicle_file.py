@@ -287,7 +287,6 @@ def test_the_fence_of_a_plan_takes_the_place_of_its_name(tmp_path):
     ("text", "words"),
     [
         (None, "cannot be read (No such file or directory)"),
-        ("{", "not JSON"),
         ("[]", "has no geoFence"),
         ('{"geoFence": null}', "has no geoFence"),
         (json.dumps(drawn(polygons=())), "0 polygons"),
@@ -299,12 +298,19 @@ def test_the_fence_of_a_plan_takes_the_place_of_its_name(tmp_path):
             json.dumps(drawn(polygons=[(False, TRIANGLE)])),
             "1 polygons (1 of them not for inclusion)",
         ),
-        (json.dumps(drawn(circles=[{"inclusion": True}])), "1 circles"),
         (json.dumps(drawn(polygons=[(True, [[47.0]])])), "not a list of latitude and longitude"),
         (json.dumps(drawn(polygons=[(True, None)])), "not a list of latitude and longitude"),
         (json.dumps(drawn(polygons=[(True, [[10**400, 8.5]])])), "int too large"),
+        (json.dumps(drawn(circles=[CIRCLE_OF_NONE])), "1 circles (radius 0); must be exactly one"),
         (json.dumps(drawn(circles=[CIRCLE_OF_NONE] * 9999)), "(radius 0, 0, 0, 0, 0, …)"),
+        (json.dumps(drawn() | {"geoFence": {"polygons": [5]}}), "1 of them not for inclusion"),
+        (json.dumps(drawn() | {"geoFence": {"polygons": 5}}), "must be lists"),
+        ("[" * 100_000, "not JSON"),
         (json.dumps(drawn(polygons=[(True, TRIANGLE[:2])])), "fence_polygon has 2 corners"),
+        (
+            json.dumps(drawn(polygons=[(True, [TRIANGLE[0]] * 3)])),
+            "fence_polygon_deg has 0 corners",
+        ),
     ],
 )
 def test_a_plan_without_one_inclusion_polygon_is_refused_with_the_key(tmp_path, text, words):
@@ -327,29 +333,11 @@ def test_a_plan_without_one_inclusion_polygon_is_refused_with_the_key(tmp_path, 
     ],
     ids=["closed ring", "first corner twice", "a corner twice", "with heights", "version 1"],
 )
-@pytest.mark.parametrize("mark", ["", "\ufeff"])
-def test_plans_as_ground_stations_write_them_are_loaded(tmp_path, plan, mark):
-    path = vehicle_with_plan(tmp_path, mark + json.dumps(plan))
+def test_plans_as_ground_stations_write_them_are_loaded(tmp_path, plan):
+    path = vehicle_with_plan(
+        tmp_path, "\ufeff" + json.dumps(plan)
+    )  # a plan without this mark is loaded above
     assert sorted(load_vehicle(path).limits.fence_polygon_deg) == sorted(map(tuple, TRIANGLE))
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (json.dumps(drawn(circles=[CIRCLE_OF_NONE])), "1 circles (radius 0); must be exactly one"),
-        (json.dumps(drawn() | {"geoFence": {"polygons": [5]}}), "1 of them not for inclusion"),
-        (json.dumps(drawn() | {"geoFence": {"polygons": 5}}), "must be lists"),
-        ("[" * 100_000, "not JSON"),
-        (
-            json.dumps(drawn(polygons=[(True, [TRIANGLE[0]] * 3)])),
-            "fence_polygon_deg has 0 corners",
-        ),
-    ],
-)
-def test_what_a_plan_must_not_have_is_said_in_its_own_words(tmp_path, text, words):
-    with pytest.raises(ConfigError) as refused:
-        load_vehicle(vehicle_with_plan(tmp_path, text))
-    assert words in str(refused.value)
 
 
 def test_a_plan_may_hold_the_target(tmp_path):

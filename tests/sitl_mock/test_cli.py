@@ -51,10 +51,6 @@ def ready(child):
     return json.loads(line)
 
 
-def first_port(message):
-    return int(message["vehicles"][0]["endpoints"][0].rsplit(":", 1)[1])
-
-
 def test_it_says_ready_as_json_and_sends_heartbeats_to_port_and_port_plus_one(start):
     """Catches a fleet whose second vehicle nobody hears."""
     port = mock_ports()

@@ -80,18 +80,16 @@ def test_a_reader_does_not_search_again_what_the_pins_have_checked():
     assert FrameReader({"ATTITUDE"}).read(admitted) == []
 
 
-@pytest.mark.parametrize(
-    "before",
-    [b"", b"\0", b"\xfd", b"\xfd\x40\0", heartbeat(2), heartbeat(2) + b"\xfe", heartbeat(9)],
-)
-@pytest.mark.parametrize("again", [1, 3])
+ODD_BYTES = [b"", b"\xfd", b"\xfd\x40\0", heartbeat(2), heartbeat(2) + b"\xfe", heartbeat(9)]
+
+
+@given(before=st.sampled_from(ODD_BYTES) | st.binary(max_size=9), again=st.integers(1, 3))
 def test_whoever_has_the_evaders_place_does_not_speak_as_the_vehicle(before, again):
     pins = AddressPins({1, 2})
     pins.admit(0.0, VEHICLE, heartbeat(1))
     pins.admit(0.0, FORGER, heartbeat(2))
     admitted = pins.admit(1.0, FORGER, before + again * heartbeat(1) + bytes(300))
-    frames = FrameReader().read(admitted)
-    assert 1 not in {frame.system_id for frame in frames}
+    assert 1 not in {frame.system_id for frame in FrameReader().read(admitted)}
     assert pins.refused["impostor"] == again
     assert list(pins.impostors) == again * [heartbeat(1)]
 
@@ -140,15 +138,6 @@ def test_signed_frames_are_judged_one_by_one_also_where_they_are_cut(size):
         assert pins.admit(0.1, FORGER, forged[start : start + size]) == b""
         pins.admit(0.1, VEHICLE, data[start : start + size])
     assert pins.addresses == (VEHICLE,)
-
-
-@given(data=st.binary(max_size=60), cut=st.integers(0, 60))
-def test_no_bytes_around_a_forged_frame_carry_it_past_the_pins(data, cut):
-    pins = AddressPins({1, 2})
-    pins.admit(0.0, VEHICLE, heartbeat(1))
-    pins.admit(0.0, FORGER, heartbeat(2))
-    admitted = pins.admit(1.0, FORGER, data[:cut] + heartbeat(1) + data[cut:])
-    assert 1 not in {frame.system_id for frame in FrameReader().read(admitted)}
 
 
 @given(data=st.binary(max_size=300))
@@ -253,14 +242,6 @@ def test_with_a_key_a_fresher_frame_takes_the_place_at_once():
     assert pins.admit(0.2, FORGER, recorded[1]) == b""
     assert pins.admit(0.3, VEHICLE, vehicle.beat())
     assert list(pins.addresses) == [VEHICLE]
-
-
-def test_a_pinned_address_cannot_use_the_id_of_another_live_system():
-    pins = AddressPins({1, 2})
-    pins.admit(0.0, VEHICLE, heartbeat(1))
-    pins.admit(0.0, FORGER, heartbeat(2))
-    assert pins.admit(1.0, FORGER, heartbeat(1)) == b""
-    assert pins.refused["impostor"] == 1
 
 
 def test_a_few_frames_of_other_systems_are_accepted_so_that_errors_can_name_them():

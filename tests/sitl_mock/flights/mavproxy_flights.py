@@ -4,7 +4,6 @@ import math
 import time
 
 HOME = (-35.363262, 149.165237, 584.0)
-HEADING_DEG = 353.0
 M_PER_DEG = 111_319.49
 
 _GUIDED = [(0.0, "mode GUIDED"), (2.0, "arm throttle"), (4.0, "takeoff 10")]

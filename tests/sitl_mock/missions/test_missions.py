@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import pytest
 
+from tests.harness.copies import Flown
+
 MISSION = 0
 FENCE = 1
 ACCEPTED = 0
@@ -232,15 +234,32 @@ def follow_up(flight, replaced):
     return reached(flight)[before:]
 
 
+@pytest.fixture(scope="module")
+def begun(fly):
+    """Return copies of a flight that has reached an item of the old mission."""
+    flown = Flown()
+
+    def start():
+        flight = fly.airborne("px4", height=8.0, texts=True)
+        upload(flight, legs(flight, 4))
+        flight.command(300, 0.0)
+        flight.until(lambda: PRESENT - 1 in reached(flight), 60.0)
+        return flight
+
+    def go_on(last):
+        flight = flown(PRESENT - 1, start)
+        flight.until(lambda: last in reached(flight), 90.0)
+        return flight
+
+    return lambda last: flown(last, lambda: go_on(last))
+
+
 @pytest.mark.parametrize(
     ("replaced", "is_paused"), list(zip(RUNNING, (True, False, True, False), strict=True))
 )
-def test_a_mission_replaced_in_flight_goes_on_as_on_px4(fly, replaced, is_paused):
+def test_a_mission_replaced_in_flight_goes_on_as_on_px4(begun, replaced, is_paused):
     """Catches a new mission that begins at a wrong item in flight."""
-    flight = fly.airborne("px4", height=8.0)
-    upload(flight, legs(flight, 4))
-    flight.command(300, 0.0)
-    flight.until(lambda: PRESENT - 1 in reached(flight), 60.0)
+    flight = begun(PRESENT - 1)
     if is_paused:
         flight.command(176, 1, 4, 3)
         flight.run(2.0)
@@ -248,15 +267,12 @@ def test_a_mission_replaced_in_flight_goes_on_as_on_px4(fly, replaced, is_paused
 
 
 @pytest.mark.parametrize("replaced", FINISHED)
-def test_a_finished_mission_is_replaced_as_on_px4(fly, replaced):
+def test_a_finished_mission_is_replaced_as_on_px4(begun, replaced):
     """Catches a new mission that begins at a wrong item after the end of the old one.
 
     A finished mission uploaded once more is not flown: nothing has changed, and no item is left.
     """
-    flight = fly.airborne("px4", height=8.0, texts=True)
-    upload(flight, legs(flight, 4))
-    flight.command(300, 0.0)
-    flight.until(lambda: 3 in reached(flight), 90.0)
+    flight = begun(3)
     flight.until(lambda: flight.mode == "HOLD", 5.0)
     assert follow_up(flight, replaced) == replaced.flown
     abandoned = "No valid mission available, loitering" in flight.texts()
@@ -278,7 +294,7 @@ def test_a_finished_mission_starts_again_after_the_vehicle_was_disarmed(fly):
     assert reached(flight)[before:] == [0, 1]
 
 
-def test_a_mission_that_px4_cannot_fly_is_accepted_ends_the_flight_and_is_refused(fly):
+def test_a_mission_that_px4_cannot_fly_is_accepted_ends_the_flight_and_is_refused(fly, begun):
     """Catches an impossible mission that is flown."""
     flight = fly("px4").run(1.0)
     landing = item(flight, 21, 0, 0, 0.0)
@@ -286,10 +302,7 @@ def test_a_mission_that_px4_cannot_fly_is_accepted_ends_the_flight_and_is_refuse
     for items in ([landing], [*legs(flight, 1), take_off], [item(flight, 22, 0, 0, -3.0)]):
         assert upload(flight, items) == ACCEPTED
         assert flight.command(300, 0.0) == [2]
-    flight = fly.airborne("px4", height=8.0, texts=True)
-    upload(flight, legs(flight, 4))
-    flight.command(300, 0.0)
-    flight.until(lambda: 1 in reached(flight), 60.0)
+    flight = begun(PRESENT - 1)
     assert upload(flight, [*legs(flight, 1), take_off]) == ACCEPTED
     flight.run(1.5)
     assert flight.mode == "HOLD"

@@ -9,10 +9,6 @@ OFFBOARD = 0x60000
 RTL = 0x05040000
 
 
-def heartbeat_modes(flight, since_s):
-    return [m.custom_mode for _, m in flight.all("HEARTBEAT", since_s)]
-
-
 def test_without_a_stream_the_first_ack_lies_and_the_mode_stays(fly):
     flight = fly.airborne("px4")
     assert flight.command(176, 1, 6) == [0, 1]
