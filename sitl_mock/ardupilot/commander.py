@@ -12,6 +12,7 @@ from sitl_mock.ardupilot import fence, guided, safety
 from sitl_mock.ardupilot.flight import ModeFlight
 from sitl_mock.ardupilot.guided import read_attitude
 from sitl_mock.ardupilot.plans import report_totals, warn_of_old_messages
+from sitl_mock.ardupilot.safety import DisarmMethod
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions.flight import MissionFlight
 from sitl_mock.vehicle.modes import Need
@@ -42,6 +43,7 @@ class ArduPilot:
         failsafes: Failsafes that have acted.
         met_needs: Needs of modes that were met at the last check.
         switched: Last position of the mode switch.
+        disarmed_by: How it was disarmed last.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class ArduPilot:
         self.failsafes = safety.FailsafeLatch()
         self.met_needs: frozenset[Need] = frozenset()
         self.switched: int | None = None
+        self.disarmed_by = DisarmMethod.BY_CLIENT
         self._check_s = -math.inf
         self._warned: set[tuple[str, PlanKind]] = set()
 
@@ -225,10 +228,13 @@ class ArduPilot:
                 self._hear_switch()
             if state.armed:
                 self._act_on_failsafes()
-                if self.firmware.flies and safety.disarms_by_itself(
-                    state, self.mode, taking_off=self.flight.taking_off
-                ):
-                    self.disarm()
+                method = None
+                if self.firmware.flies:
+                    method = safety.disarms_by_itself(
+                        state, self.mode, taking_off=self.flight.taking_off
+                    )
+                if method is not None:
+                    self.disarm(method)
         if not self.state.armed:
             return _STOPPED
         setpoint = self.firmware.flights[self.mode](self)
@@ -260,8 +266,11 @@ class ArduPilot:
         self.state.set_home(place_m, given=given)
         self.state.news += ("HOME_POSITION", "GPS_GLOBAL_ORIGIN")
 
-    def disarm(self) -> None:
+    def disarm(self, method: DisarmMethod = DisarmMethod.BY_CLIENT) -> None:
         """Motors off."""
+        if self.state.armed:
+            self.state.say(Severity.INFO, "Disarming motors")
+        self.disarmed_by = method
         self.state.disarm()
         self.failsafes.clear()
         self.flight.takeoff_m = math.nan
@@ -279,7 +288,7 @@ class ArduPilot:
                 continue
             self.failsafes.act(state, name)
             if state.on_ground and self.firmware.flies:
-                self.disarm()
+                self.disarm(safety.BY_FAILSAFE[name])
                 return
             if self.mode != "LAND":
                 # A mode that cannot run falls back to the next one.

@@ -83,8 +83,6 @@ def _arm(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
         return UNSUPPORTED
     if state.armed and commander.firmware.flies and not state.on_ground and force != FORCE_DISARM:
         return FAILED
-    if state.armed:
-        state.say(Severity.INFO, "Disarming motors")
     commander.disarm()
     return ACCEPTED
 
@@ -277,8 +275,8 @@ def _set_home(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
 def _terminate(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     if not command.params[0] > 0.5:
         return FAILED
-    commander.disarm()
     commander.state.say(Severity.CRITICAL, "Terminating due to GCS request")
+    commander.disarm(safety.DisarmMethod.TERMINATION)
     return ACCEPTED
 
 
@@ -336,8 +334,7 @@ def _arm_by_button(commander: ArduPilot, _now_s: float, _command: Command) -> An
 def _disarm_by_button(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """SOLO_BTN_PAUSE_CLICK and _FLY_CLICK: disarm on the ground."""
     if commander.state.armed and commander.state.on_ground:
-        commander.state.say(Severity.INFO, "Disarming motors")
-        commander.disarm()
+        commander.disarm(safety.DisarmMethod.BUTTON)
     return ACCEPTED
 
 

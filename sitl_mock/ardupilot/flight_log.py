@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, cast
 
 from sitl_mock.dynamics import Kind as SetpointKind
 from sitl_mock.logs.dataflash import FMT, RecordKind
@@ -16,8 +16,9 @@ from sitl_mock.logs.parameters import LoggedParameters
 from sitl_mock.vector import Vector
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
+    from sitl_mock.ardupilot.commander import ArduPilot
     from sitl_mock.logs import LogBook
     from sitl_mock.telemetry import Report
 
@@ -27,6 +28,17 @@ _GPS_STEPS: Final = 2
 _BY_COMMAND: Final = 2
 _DISARMED_EVENT: Final = 11
 _ARMED_EVENT: Final = 10
+_FLYING = "flying"
+_MAYBE_LANDED = "maybe landed"
+_LANDED = "landed"
+_MAYBE_LANDED_S: Final = 0.2
+_LANDED_S: Final = 1.0
+_EVENTS_OF_LANDING: Final[Mapping[tuple[str, str], tuple[int, ...]]] = {
+    (_LANDED, _FLYING): (15, 28),  # AUTO_ARMED, NOT_LANDED
+    (_FLYING, _MAYBE_LANDED): (17,),  # LAND_COMPLETE_MAYBE
+    (_FLYING, _LANDED): (17, 18),
+    (_MAYBE_LANDED, _LANDED): (18,),  # LAND_COMPLETE
+}
 _POSITION_TARGET: Final = 3
 _VELOCITY_TARGET: Final = 4
 _WEEK_S: Final = 604_800
@@ -86,6 +98,7 @@ class ArduPilotFlightLog:
         self._step = 0
         self._armed = False
         self._disarmed_s = -math.inf
+        self._landing = _LANDED
         self._mode = -1
         self._parameters = LoggedParameters()
 
@@ -100,10 +113,18 @@ class ArduPilotFlightLog:
                 self._write(report, ARM.pack(now_us, 1, 1, 0, 1) + EV.pack(now_us, _ARMED_EVENT))
             else:
                 self._disarmed_s = state.now_s
-                self._write(report, ARM.pack(now_us, 0, 0, 0, 1) + EV.pack(now_us, _DISARMED_EVENT))
+                method = cast("ArduPilot", report.commander).disarmed_by
+                self._write(report, ARM.pack(now_us, 0, 0, 0, method))
+                self._write(report, EV.pack(now_us, _DISARMED_EVENT))
                 if state.parameters.get("LOG_FILE_DSRMROT", 0) == 1:
                     self._disarmed_s = -math.inf
                     self._book.end()
+        landing = _landing_of(report)
+        if landing != self._landing:
+            events = _EVENTS_OF_LANDING.get((self._landing, landing), ())
+            self._landing = landing
+            if self._writes(report):
+                self._write(report, b"".join(EV.pack(report.boot_us, event) for event in events))
         if state.now_s < self._next_s - 1e-9:
             return
         self._next_s = max(self._next_s + _STEP_S, state.now_s)
@@ -135,6 +156,7 @@ class ArduPilotFlightLog:
     def say(self, report: Report, severity: int, text: str) -> None:  # noqa: ARG002 - PX4's has one
         """Write a text."""
         if self._writes(report):
+            self._decide(report)
             self._write(report, MSG.pack(report.boot_us, text.encode()))
 
     def head(self, report: Report) -> Sequence[bytes]:  # noqa: ARG002 - PX4's has one
@@ -170,6 +192,16 @@ class ArduPilotFlightLog:
 
     def _write(self, report: Report, records: bytes) -> None:
         self._book.add(report.unix_us * 1e-6, records)
+
+
+def _landing_of(report: Report) -> str:
+    """Return what a copter's land detector says; a rover never leaves the ground."""
+    state = report.state
+    if report.flavour.ground_vehicle or not state.armed or not state.flew:
+        return _LANDED
+    if not state.on_ground or state.standing_s < _MAYBE_LANDED_S:
+        return _FLYING
+    return _LANDED if state.standing_s >= _LANDED_S else _MAYBE_LANDED
 
 
 def _parameter(report: Report, name: str) -> bytes:

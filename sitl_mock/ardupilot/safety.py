@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot import fence
@@ -74,15 +75,41 @@ def just_down(state: VehicleState) -> bool:
     return state.armed and state.flew and state.standing_s < _LANDED_S
 
 
-def disarms_by_itself(state: VehicleState, mode: str, *, taking_off: bool) -> bool:
-    """True if a copter on the ground disarms: after a commanded landing, or after DISARM_DELAY."""
+class DisarmMethod(IntEnum):
+    """How a vehicle was disarmed, in ArduPilot's numbers, which its log has."""
+
+    BY_CLIENT = 1
+    BATTERY_FAILSAFE = 7
+    BUTTON = 8
+    TERMINATION = 9
+    LANDED = 13
+    FENCE_BREACH = 15
+    RADIO_FAILSAFE = 16
+    DISARM_DELAY = 17
+    STATION_FAILSAFE = 18
+    ESTIMATOR_FAILSAFE = 24
+
+
+BY_FAILSAFE: Final = {
+    "radio lost": DisarmMethod.RADIO_FAILSAFE,
+    "ground station lost": DisarmMethod.STATION_FAILSAFE,
+    "estimator lost": DisarmMethod.ESTIMATOR_FAILSAFE,
+    "battery critical": DisarmMethod.BATTERY_FAILSAFE,
+    "battery low": DisarmMethod.BATTERY_FAILSAFE,
+    "fence breached": DisarmMethod.FENCE_BREACH,
+}
+"""How a failsafe disarms on the ground, by the name of its trigger."""
+
+
+def disarms_by_itself(state: VehicleState, mode: str, *, taking_off: bool) -> DisarmMethod | None:
+    """Return how a copter on the ground disarms by itself: after a commanded landing, or after DISARM_DELAY."""
     if not state.on_ground:
-        return False
+        return None
     if state.flew and mode in _LANDING_MODES and state.standing_s > _LANDED_S:
-        return True
+        return DisarmMethod.LANDED
     delay_s = float(state.parameters["DISARM_DELAY"])
     idle_s = state.now_s - max(state.armed_s, state.landed_s)
-    return 0.0 < delay_s < idle_s and not taking_off
+    return DisarmMethod.DISARM_DELAY if 0.0 < delay_s < idle_s and not taking_off else None
 
 
 def available(state: VehicleState, plans: PlanStore) -> frozenset[Need]:

@@ -13,6 +13,7 @@ from sitl_mock import MockVehicle
 from sitl_mock.calibrate import FlavourName, compare_log, fly_log, read_step_log
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import Faulted, FaultScript
+from sitl_mock.logs import dataflash
 from sitl_mock.logs.ulog import MAGIC
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.serving.log_folder import LogFolder
@@ -138,13 +139,39 @@ def test_dfreader_reads_a_flight(flights, tmp_path):
         records.setdefault(record.get_type(), []).append(record)
     assert len(records["PARM"]) == 1390
     assert [record.Mode for record in records["MODE"]] == [4, 9]
-    assert [record.ArmState for record in records["ARM"]] == [1, 0]
+    assert [(record.ArmState, record.Method) for record in records["ARM"]] == [(1, 1), (0, 13)]
+    # Armed, armed for automatic flight, not landed, perhaps landed, landed, disarmed.
+    assert [record.Id for record in records["EV"]] == [10, 15, 28, 17, 18, 11]
+    texts = [record.Message for record in records["MSG"]]
+    assert texts[1:] == ["Arming motors", "Disarming motors"]
     assert max(record.VN for record in records["XKF1"]) == pytest.approx(1.9, abs=0.2)
     assert {record.vX for record in records["GUIP"]} == {200.0}
     assert max(-record.PD for record in records["PSCD"]) == pytest.approx(5.0, abs=0.3)
     steps_us = [b.TimeUS - a.TimeUS for a, b in pairwise(records["ATT"])]
     assert set(steps_us) == {100_000}
     reader.close()
+
+
+def arms_of(flight):
+    """State and method of each record of arming in a vehicle's last log."""
+    content = bytes(flight.vehicle.logs[-1].content)
+    rows = dataflash.read(content, {"ARM": ("ArmState", "Method")}, "log")
+    return rows["ARM"]
+
+
+def test_the_log_says_who_disarmed_the_copter():
+    flight = Flight("arducopter", parameters={"DISARM_DELAY": 5})
+    flight.command(SET_MODE, 1, 4)
+    flight.command(ARM, 1)
+    flight.step(steps=300)
+    assert not flight.vehicle.armed
+    assert arms_of(flight) == [(1, 1), (0, 17)]
+    flight.command(ARM, 1)
+    flight.command(185, 1)
+    assert arms_of(flight)[2:] == [(1, 1), (0, 9)]
+    flight.command(ARM, 1)
+    flight.command(ARM, 0)
+    assert arms_of(flight)[4:] == [(1, 1), (0, 1)]
 
 
 @pytest.mark.parametrize(("flavour", "suffix"), [("px4", ".ulg"), ("arducopter", ".bin")])
