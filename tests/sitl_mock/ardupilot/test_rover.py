@@ -78,3 +78,11 @@ def test_it_starts_where_it_is_put_and_counts_from_there(fly):
     place = flight.last("GLOBAL_POSITION_INT")
     assert place.lat * 1e-7 == pytest.approx(47.397742 + 30.0 / 111_185.0, abs=2e-7)
     assert (flight.last("LOCAL_POSITION_NED").x, flight.last("LOCAL_POSITION_NED").y) == (0.0, 0.0)
+
+
+def test_a_rover_knows_no_buttons_of_a_solo(fly):
+    flight = fly("rover").run(1.0)
+    flight.command(400, 1.0, 21196.0)
+    assert flight.vehicle.armed
+    assert [flight.command(number) for number in (42002, 42003)] == [[3], [3]]
+    assert flight.vehicle.armed
