@@ -130,6 +130,18 @@ def test_pyulog_reads_a_flight(flights):
     assert rates_hz["vehicle_local_position_setpoint"] == pytest.approx(10.0, rel=0.02)
 
 
+def test_pyulog_finds_the_track_that_ulog2kml_draws(flights):
+    """`ulog2kml` draws vehicle_gps_position, and needs simplekml, which the tests do not install."""
+    log = ULog(io.BytesIO(flights["px4"].vehicle.logs[0].content))
+    track = log.get_dataset("vehicle_gps_position").data
+    estimated = log.get_dataset("vehicle_global_position").data
+    assert track["fix_type"][-1] == 3
+    north_m = (track["latitude_deg"] - track["latitude_deg"][0]) * 111_185.0
+    assert north_m[-1] == pytest.approx(8.0, abs=3.0)
+    assert np.abs(track["longitude_deg"] - track["longitude_deg"][0]).max() < 5e-5
+    assert track["altitude_msl_m"].max() == pytest.approx(estimated["alt"].max(), abs=2.0)
+
+
 def test_dfreader_reads_a_flight(flights, tmp_path):
     path = tmp_path / "flight.bin"
     path.write_bytes(flights["arducopter"].vehicle.logs[0].content)
