@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -125,6 +126,14 @@ def test_every_file_and_module_that_a_page_of_the_docs_names_is_there(page):
     modules = re.findall(r"`python -m (tests\.[\w.]+)", text)
     assert [name for name in paths if not (ROOT / name).exists()] == []
     assert [name for name in modules if importlib.util.find_spec(name) is None] == []
+
+
+def test_the_citation_has_the_version_of_the_package_and_names_the_paper():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = (ROOT / ".github" / "CITATION.cff").read_text(encoding="utf-8")
+    keys = dict(re.findall(r"^(\w[\w-]*): (.+)$", citation, re.MULTILINE))
+    assert (keys["version"], keys["license"]) == (project["version"], project["license"])
+    assert project["urls"]["Paper"] in citation
 
 
 def test_a_commit_is_held_to_the_steps_that_ci_begins_with():
