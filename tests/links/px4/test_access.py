@@ -1,30 +1,25 @@
 """The link to PX4 by TLS, on a router with the access control that comes along. PX4 itself speaks plain TCP."""
 
-import datetime
 import socket
 import time
 
 import pytest
 
 from guidance.autopilots import PX4, Mode
-from guidance.config import config_folder
 from guidance.errors import LinkError
 from guidance.frames import Ned
 from guidance.links.port import parse
 from guidance.links.px4.link import open_px4_link
 from guidance.links.px4.messages import TYPES
-from guidance.links.zenoh.access import read_credentials
 from guidance.links.zenoh.credentials import NO_CREDENTIALS
-from guidance.links.zenoh.keys import make_keys
 from guidance.links.zenoh.session import open_router, open_session
 from guidance.messages import LocalPosition, Setpoint
 from guidance.session.orders.control_bus import owner_token
 from tests.links.peer import until
 from tests.links.px4.peer import PURSUIT, Px4Peer, beating
 from tests.links.rigs import free_port
+from tests.links.zenoh.parties import ROUTERS, folder_of_keys, of
 
-NOON = datetime.datetime(2026, 1, 1, 12, tzinfo=datetime.UTC)
-CENTURY = NOON, NOON + datetime.timedelta(days=36_500)
 STREAM = socket.SOCK_STREAM
 
 
@@ -36,15 +31,14 @@ class Network:
         self.url = f"zenoh+tls://127.0.0.1:{secure}"
 
     def of(self, name: str):
-        return read_credentials(self.keys / f"{name}.toml")
+        return of(self.keys, name)
 
 
 @pytest.fixture(scope="module")
 def network(tmp_path_factory):
-    keys = tmp_path_factory.mktemp("keys")
-    make_keys(keys, ("uav1-guidance", "viewer", "evader1"), ["127.0.0.1"], CENTURY)
+    keys = folder_of_keys(tmp_path_factory)
     opened = Network(keys, free_port(STREAM), free_port(STREAM))
-    text = (config_folder() / "zenoh" / "px4.json5").read_text(encoding="utf-8")
+    text = (ROUTERS / "px4.json5").read_text(encoding="utf-8")
     for endpoint, own in (
         ("tcp/127.0.0.1:7447", opened.plain),
         ("tls/0.0.0.0:7448", opened.secure),

@@ -3,7 +3,6 @@
 The router is a Python session in mode router with `config/zenoh/router.json5`; it runs the code of zenohd.
 """
 
-import datetime
 import re
 import socket
 import stat
@@ -13,9 +12,7 @@ import zenoh
 from typer.testing import CliRunner
 
 from guidance.cli.program import app
-from guidance.config import config_folder
 from guidance.errors import ConfigError, LinkError
-from guidance.frames import Amsl, LocalFrame
 from guidance.links.evaders.zenoh import open_source
 from guidance.links.opening import open_wire
 from guidance.links.port import parse
@@ -34,34 +31,23 @@ from sitl_mock.transports.zenoh_session import ZenohEndpoint, read_keys
 from tests.harness.bus import ControlBus, ask
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
+from tests.links.zenoh.parties import CENTURY, FRAME, PARTIES, ROUTER, SAID, folder_of_keys, of
 
-PARTIES = ("uav1", "uav1-guidance", "evader1", "operator", "viewer")
-ROUTER = config_folder() / "zenoh" / "router.json5"
-NOON = datetime.datetime(2026, 1, 1, 12, tzinfo=datetime.UTC)
-CENTURY = NOON, NOON + datetime.timedelta(days=36_500)
 OUT = "uav1/mavlink_raw/out"
 IN = "uav1/mavlink_raw/in"
 REPORT = "evader1/report"
 LIVE = "guidance/uav1/live/cycle"
-FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))
-SAID = (
-    b'{"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_m": 600.0, "altitude_datum": "amsl"}'
-)
 
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("keys")
-    make_keys(folder, PARTIES, ["127.0.0.1"], CENTURY)
-    return folder
+    return folder_of_keys(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
 def strangers(tmp_path_factory):
     """The same names, signed by another authority."""
-    folder = tmp_path_factory.mktemp("strangers")
-    make_keys(folder, PARTIES, ["127.0.0.1"], CENTURY)
-    return folder
+    return folder_of_keys(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
@@ -84,10 +70,6 @@ def joined(keys, port):
     yield join
     for session in opened:
         session.close()
-
-
-def of(folder, name):
-    return read_credentials(folder / f"{name}.toml")
 
 
 def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):

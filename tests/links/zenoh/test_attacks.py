@@ -1,18 +1,14 @@
 """Attacks on orders over Zenoh: replayed bytes, wrong and revoked certificates, a router restarted in flight."""
 
-import datetime
 import socket
 import threading
 from contextlib import ExitStack, closing, contextmanager
 
 import pytest
 
-from guidance.config import config_folder
 from guidance.errors import LinkError
-from guidance.frames import Amsl, LocalFrame
 from guidance.links.evaders.zenoh import open_source
 from guidance.links.opening import open_wire
-from guidance.links.zenoh.access import read_credentials
 from guidance.links.zenoh.credentials import Credentials
 from guidance.links.zenoh.keys import make_keys
 from guidance.links.zenoh.session import open_router, open_session
@@ -22,31 +18,17 @@ from guidance.session.orders_section import Control
 from tests.harness.bus import ControlBus, ask
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
-
-PARTIES = ("uav1", "uav1-guidance", "evader1", "operator", "viewer")
-ROUTER = config_folder() / "zenoh" / "router.json5"
-NOON = datetime.datetime(2026, 1, 1, 12, tzinfo=datetime.UTC)
-CENTURY = NOON, NOON + datetime.timedelta(days=36_500)
-FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))
-REPORT = (
-    b'{"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_m": 600.0, "altitude_datum": "amsl"}'
-)
+from tests.links.zenoh.parties import CENTURY, FRAME, ROUTER, SAID, folder_of_keys, of
 
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("keys")
-    make_keys(folder, PARTIES, ["127.0.0.1"], CENTURY)
-    return folder
+    return folder_of_keys(tmp_path_factory)
 
 
 @pytest.fixture
 def endpoint():
     return f"tls/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-
-
-def of(keys, name):
-    return read_credentials(keys / f"{name}.toml")
 
 
 class Orders:
@@ -233,7 +215,7 @@ def test_after_a_routers_restart_frames_reports_orders_and_the_claim_are_back(ke
 
         def all_pass():
             vehicle.put("uav1/mavlink_raw/out", b"telemetry")
-            evader.put("evader1/report", REPORT)
+            evader.put("evader1/report", SAID)
             wire.send(b"setpoint")
             answered = is_answered(keys, endpoint, "operator")  # meanwhile the others arrive
             arrived = [bool(wire.receive()), bool(reports.receive()), bool(setpoints)]

@@ -6,7 +6,6 @@ from contextlib import closing
 
 import pytest
 
-from guidance.frames import Amsl, LocalFrame
 from guidance.links.evaders.carriers import RefusedReport
 from guidance.links.evaders.zenoh import MOST_REPORT_BYTES, open_source, report_of_json
 from guidance.links.zenoh.session import MOST_QUERY_BYTES, is_small, open_session
@@ -15,11 +14,7 @@ from guidance.links.zenoh.wire import ZenohWire
 from guidance.team.board import Board
 from tests.links.peer import until
 from tests.links.rigs import clock
-
-FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))
-REPORT = (
-    b'{"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_m": 600.0, "altitude_datum": "amsl"}'
-)
+from tests.links.zenoh.parties import FRAME, SAID
 
 
 def test_a_large_report_is_dropped_unread_and_counted(router):
@@ -28,7 +23,7 @@ def test_a_large_report_is_dropped_unread_and_counted(router):
         publisher = router.session.declare_publisher("sizes/report")
         assert until(lambda: publisher.matching_status.matching)
         heard = []
-        for payload in (REPORT.ljust(MOST_REPORT_BYTES + 1), REPORT.ljust(MOST_REPORT_BYTES)):
+        for payload in (SAID.ljust(MOST_REPORT_BYTES + 1), SAID.ljust(MOST_REPORT_BYTES)):
             publisher.put(payload)
         assert until(lambda: heard.extend(source.receive()) or heard)
         assert len(heard) == 1
@@ -46,7 +41,7 @@ def test_a_report_of_unknown_keys_costs_no_error_for_each():
     many_s = time.process_time() - begun_s
     begun_s = time.process_time()
     for _ in range(200):
-        report_of_json(REPORT, 1.0, frame=FRAME, source="x")
+        report_of_json(SAID, 1.0, frame=FRAME, source="x")
     assert many_s < 5.0 * (time.process_time() - begun_s)
 
 

@@ -1,16 +1,12 @@
 """The team's router: mates hear each other, and a party that speaks for a vehicle is not heard."""
 
-import datetime
 import socket
 import time
 from contextlib import ExitStack, closing
 
 import pytest
 
-from guidance.config import config_folder
 from guidance.errors import LinkError
-from guidance.links.zenoh.access import read_credentials
-from guidance.links.zenoh.keys import make_keys
 from guidance.links.zenoh.session import open_router, open_session
 from guidance.links.zenoh.team import ZenohTeam
 from guidance.session.orders.control_bus import owner_token
@@ -23,6 +19,7 @@ from tests.harness.bus import ControlBus
 from tests.harness.command import HEAVY, fresh
 from tests.links.peer import until
 from tests.links.rigs import free_port
+from tests.links.zenoh.parties import ROUTERS, folder_of_keys, of
 from tests.team.virtual_team import state_of
 
 pytestmark = pytest.mark.slow
@@ -36,14 +33,11 @@ PARTIES = (
     "viewer",
     "uav4-guidance",
 )
-NOON = datetime.datetime(2026, 1, 1, 12, tzinfo=datetime.UTC)
 
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("keys")
-    make_keys(folder, PARTIES, ["127.0.0.1"], (NOON, NOON + datetime.timedelta(days=36_500)))
-    return folder
+    return folder_of_keys(tmp_path_factory, PARTIES)
 
 
 @pytest.fixture
@@ -51,13 +45,12 @@ def joined(keys):
     """Sessions of parties at the team's router."""
     endpoint = f"tls/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     with (
-        open_router(config_folder() / "zenoh" / "team.json5", keys, endpoint),
+        open_router(ROUTERS / "team.json5", keys, endpoint),
         ExitStack() as closing,
     ):
 
         def join(name):
-            credentials = read_credentials(keys / f"{name}.toml")
-            return closing.enter_context(open_session(endpoint, credentials=credentials))
+            return closing.enter_context(open_session(endpoint, credentials=of(keys, name)))
 
         yield join, endpoint
 
@@ -121,7 +114,7 @@ def test_only_the_operator_orders_the_team_and_takes_less_than_300_ms_of_process
             mailbox = Mailbox()
             mailbox.meanwhile = lambda order: {"accepted": True, "order": order, "state": "holding"}
             control = Control(endpoint=joined[1], host=False)
-            credentials = read_credentials(keys / f"{name}-guidance.toml")
+            credentials = of(keys, f"{name}-guidance")
             bus = ControlBus(
                 name,
                 mailbox,
@@ -131,9 +124,7 @@ def test_only_the_operator_orders_the_team_and_takes_less_than_300_ms_of_process
                 [mate for mate in VEHICLES if mate != name],
             )
             open_here.callback(bus.close)
-        operator, viewer = (
-            read_credentials(keys / f"{name}.toml") for name in ("operator", "viewer")
-        )
+        operator, viewer = (of(keys, name) for name in ("operator", "viewer"))
         with join_session(joined[1], credentials=operator) as session:
             answers = order_team(session, "hold", "north", (), timeout_s=4.0)
         assert [(answer["name"], answer["accepted"]) for answer in answers] == [
