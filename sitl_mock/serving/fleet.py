@@ -1,6 +1,7 @@
 """Fleets: checked files and command-line arguments, and the vehicles built from them."""
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -174,6 +175,13 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
             for kind in spec.split(","):
                 vehicles.append({"name": f"uav{len(vehicles) + 1}", "flavour": kind})
             continue
+        # Commas separate flavours, and the three numbers of a place, but not named vehicles.
+        parts = re.split(r",(?=[^,:@]+:)", spec)
+        if len(parts) > 1:
+            raise ConfigError(
+                f"--vehicles {spec}: named vehicles are given one by one: "
+                + " ".join(f"--vehicles {part}" for part in parts)
+            )
         kind, _, rest = spec.partition(":")
         name, _, start = rest.partition("@")
         if not name:
@@ -240,7 +248,8 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
     """Return the fleet with the parameters of `--param`: `NAME=VALUE` for all vehicles, `vehicle:NAME=VALUE` for one.
 
     Raises:
-        ConfigError: The form is wrong, the vehicle is not in the fleet, or the value is not a number.
+        ConfigError: The form is wrong, the vehicle is not in the fleet, the value is not a number, or a vehicle has no
+            such parameter.
     """
     vehicles = {vehicle.name: vehicle for vehicle in config.vehicle}
     for text in assignments:
@@ -258,10 +267,27 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
             raise ConfigError(
                 f"--param {text}: there is no vehicle {vehicle_name!r}; allowed are {', '.join(vehicles)}"
             )
-        for vehicle in [vehicle_name] if vehicle_name else list(vehicles):
+        chosen = [vehicle_name] if vehicle_name else list(vehicles)
+        lacking = [each for each in chosen if not _has(vehicles[each], name)]
+        if lacking:
+            flavour = vehicles[lacking[0]].flavour
+            hint = f"`sitl-mock list parameters --flavour {flavour}` names them"
+            others = [each for each in chosen if each not in lacking]
+            if others:
+                # In a fleet of several flavours each vehicle that has it is named.
+                given = " ".join(f"--param {each}:{name}={number}" for each in others)
+                hint = f"write {given}"
+            raise ConfigError(
+                f"--param {text}: {lacking[0]} is of flavour {flavour}, which has no such parameter; {hint}"
+            )
+        for vehicle in chosen:
             parameters = {**vehicles[vehicle].parameters, name: value}
             vehicles[vehicle] = replace(vehicles[vehicle], parameters=parameters)
     return replace(config, vehicle=tuple(vehicles.values()))
+
+
+def _has(vehicle: VehicleConfig, parameter: str) -> bool:
+    return any(item.name == parameter for item in flavour_named(vehicle.flavour).parameters)
 
 
 def build(

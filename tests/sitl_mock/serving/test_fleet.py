@@ -5,7 +5,13 @@ import pytest
 from sitl_mock import ConfigError
 from sitl_mock.faults.script import read_script
 from sitl_mock.mavlink import Encoder
-from sitl_mock.serving.fleet import build, checked_fleet, parse_vehicles, read_fleet
+from sitl_mock.serving.fleet import (
+    build,
+    checked_fleet,
+    parse_vehicles,
+    read_fleet,
+    with_parameters,
+)
 
 
 def fleet(*vehicles, **more):
@@ -81,6 +87,34 @@ def test_an_unknown_parameter_is_refused_by_name():
 def test_a_spec_that_is_none_says_what_is_allowed(spec):
     with pytest.raises(ConfigError, match="flavour:name"):
         parse_vehicles([spec], "px4")
+
+
+def test_named_vehicles_between_commas_are_shown_one_by_one():
+    with pytest.raises(
+        ConfigError, match=r"one by one: --vehicles px4:uav1@1,2,3 --vehicles rover:rover1$"
+    ):
+        parse_vehicles(["px4:uav1@1,2,3,rover:rover1"], "px4")
+    with pytest.raises(ConfigError, match=r"--vehicles px4:uav1 --vehicles rover:rover1$"):
+        parse_vehicles(["px4:uav1,rover:rover1"], "px4")
+
+
+def test_a_parameter_of_one_flavour_is_no_parameter_of_a_mixed_fleet():
+    mixed = fleet(
+        {"name": "a"}, {"name": "b", "flavour": "rover"}, {"name": "c", "flavour": "px4@1.18"}
+    )
+    with pytest.raises(
+        ConfigError,
+        match=r"b is of flavour rover, .* write --param a:MIS_TAKEOFF_ALT=3 --param c:MIS_TAKEOFF_ALT=3$",
+    ):
+        with_parameters(mixed, ["MIS_TAKEOFF_ALT=3"])
+    given = with_parameters(mixed, ["a:MIS_TAKEOFF_ALT=3", "c:MIS_TAKEOFF_ALT=3"])
+    assert [vehicle.parameters for vehicle in given.vehicle] == [
+        {"MIS_TAKEOFF_ALT": 3.0},
+        {},
+        {"MIS_TAKEOFF_ALT": 3.0},
+    ]
+    with pytest.raises(ConfigError, match="list parameters --flavour rover` names them"):
+        with_parameters(mixed, ["b:MIS_TAKEOFF_ALT=3"])
 
 
 def test_a_file_is_read_and_a_missing_or_broken_one_is_named(tmp_path):
