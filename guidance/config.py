@@ -102,7 +102,12 @@ def _statements(text: str) -> Iterator[tuple[int, tuple[str | int, ...]]]:
     for start in _statement_starts(lines):
         line = lines[start]
         if header := _HEADER.match(line):
-            table = _table(_parts(header[2]), array_sizes)
+            # A table inside an array of tables belongs to its last element.
+            table = ()
+            for part in _parts(header[2]):
+                if table in array_sizes:
+                    table = (*table, array_sizes[table] - 1)
+                table = (*table, part)
             if header[1] == "[[":
                 count = array_sizes.get(table, 0)
                 array_sizes[table] = count + 1
@@ -112,18 +117,6 @@ def _statements(text: str) -> Iterator[tuple[int, tuple[str | int, ...]]]:
             yield start + 1, table
         elif pair := _PAIR.match(line):
             yield start + 1, (*table, *_parts(pair[1]))
-
-
-def _table(
-    parts: Sequence[str], array_sizes: Mapping[tuple[str | int, ...], int]
-) -> tuple[str | int, ...]:
-    """Return the location of a header; a table inside an array of tables belongs to its last element."""
-    location: tuple[str | int, ...] = ()
-    for part in parts:
-        if location in array_sizes:
-            location = (*location, array_sizes[location] - 1)
-        location = (*location, part)
-    return location
 
 
 def _parts(key: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Mapping
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoints, entry_points
 from typing import Any, TypeVar
 
 from pydantic import Field
@@ -63,23 +63,20 @@ class Registry(dict[str, Registered]):
         """
         if name not in self:
             for entry_point in self.installed.select(name=name):
-                self.add(name, self._imported(entry_point))
+                try:
+                    member: Registered = entry_point.load()
+                except Exception as error:
+                    package = "an installed package"
+                    if entry_point.dist is not None:
+                        package = f"the package {entry_point.dist.name} {entry_point.dist.version}"
+                    raise ConfigError(
+                        f"{self.key} = {entry_point.name!r}: {package} cannot be imported "
+                        f"({type(error).__name__}: {error}); repair it or uninstall it"
+                    ) from error
+                self.add(name, member)
         if name not in self:
             raise ConfigError(f"{self.key} = {name!r}: allowed are {', '.join(self.names)}")
         return self[name]
-
-    def _imported(self, entry_point: EntryPoint) -> Registered:
-        try:
-            member: Registered = entry_point.load()
-        except Exception as error:
-            package = "an installed package"
-            if entry_point.dist is not None:
-                package = f"the package {entry_point.dist.name} {entry_point.dist.version}"
-            raise ConfigError(
-                f"{self.key} = {entry_point.name!r}: {package} cannot be imported "
-                f"({type(error).__name__}: {error}); repair it or uninstall it"
-            ) from error
-        return member
 
     def importable(self) -> dict[str, Registered]:
         """Return all members by name, without those of packages that cannot be imported."""

@@ -195,7 +195,13 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
         return state._replace(reboots=state.reboots + 1, clock=BootClock())
     if step_s <= 0.0:
         return None
-    acceleration_ned_m_s2 = _smoothed(state.acceleration_ned_m_s2, previous, now)
+    # The velocities of two positions show the acceleration, low-pass filtered; zero after a gap.
+    acceleration_ned_m_s2 = STILL
+    if step_s <= _GAP_S:
+        present = (now.velocity_ned_m_s - previous.velocity_ned_m_s) / step_s
+        share = min(1.0, step_s / _SMOOTHED_S)
+        smoothed = state.acceleration_ned_m_s2
+        acceleration_ned_m_s2 = smoothed + (present - smoothed) * share
     state = state._replace(acceleration_ned_m_s2=acceleration_ned_m_s2, clock=clock)
     # What the velocities do not explain is a jump, if no manoeuvre explains it either.
     way = now.position_ned_m - previous.position_ned_m
@@ -212,16 +218,6 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
         jumped_boot_s=now.time_boot_s,
         jump_ned_m=jump,
     )
-
-
-def _smoothed(acceleration_ned_m_s2: Ned, previous: LocalPosition, now: LocalPosition) -> Ned:
-    """Return the acceleration that two positions' velocities show, low-pass filtered; zero after a gap."""
-    step_s = elapsed_s(previous.time_boot_s, now.time_boot_s)
-    if step_s > _GAP_S:
-        return STILL
-    present = (now.velocity_ned_m_s - previous.velocity_ned_m_s) / step_s
-    share = min(1.0, step_s / _SMOOTHED_S)
-    return acceleration_ned_m_s2 + (present - acceleration_ned_m_s2) * share
 
 
 def _contradicts(now: LocalPosition, state: VehicleState) -> bool:

@@ -128,44 +128,61 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     frame = inputs.game_frame
     if evader is None or frame is None:
         raise ValueError("play needs an evader and a game frame; hover without them")
-    players = _players(inputs.situation, evader, frame, settings, memory.strategy.played_s)
-    try:
-        played = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
-    except ConfigError:
-        return _without_game(inputs, settings, memory, players)
-    aim = _aim(played.game, players, inputs, settings, memory)
-    if aim.policy_fault is not None:
-        return _without_policy(inputs, settings, memory, aim)
-    unlimited = _follow(aim, players.gaps, evader.speed_bound_m_s, inputs, settings, memory)
-    is_shaped = settings.handling.servo is not None
-    limited = _limited(unlimited.command, inputs, settings, memory, already_shaped=is_shaped)
-    return _output(played, aim, unlimited, limited)
-
-
-def _players(
-    here: Situation,
-    evader: EvaderEstimate,
-    frame: GameFrame,
-    settings: CycleSettings,
-    played_s: float,
-) -> Players:
-    """Step 1: return where both players and the target are, in the game frame.
-
-    Args:
-        here: State of the vehicle.
-        evader: The estimated evader.
-        frame: The game's frame.
-        settings: Of the cycle.
-        played_s: Time since the game began, in which the target may have moved.
-    """
+    # Step 1: where both players and the target are, in the game frame. The target may have moved since the game began.
+    here = inputs.situation
     pursuer_m, pursuer_m_s = frame.motion_from_ned(here.position_ned_m, here.velocity_ned_m_s)
     evader_m, evader_m_s = frame.motion_from_ned(evader.position_ned_m, evader.velocity_ned_m_s)
     gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.game.standoff)
     target_m = settings.target_game_m
     if target_m is not None:
         east_m_s, north_m_s = settings.game.target_velocity_m_s
-        target_m += Enu((east_m_s, north_m_s, 0.0)) * played_s
-    return Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m, gaps, evader.age_s)
+        target_m += Enu((east_m_s, north_m_s, 0.0)) * memory.strategy.played_s
+    players = Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m, gaps, evader.age_s)
+
+    try:
+        played = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
+    except ConfigError:
+        # The evader is too fast for this vehicle: there is no game, and none is extrapolated.
+        output = hover(inputs, settings, memory)
+        certificate = without_game(players)._replace(
+            command_ned_m_s=output.setpoint.velocity_ned_m_s
+        )
+        return output._replace(certificate=certificate)
+    aim = _aim(played.game, players, inputs, settings, memory)
+    if aim.policy_fault is not None:
+        # The user's policy has no answer: none of an earlier cycle is flown.
+        output = hover(inputs, settings, memory)
+        certificate = aim.certified.certificate._replace(
+            policy_fault=aim.policy_fault, command_ned_m_s=output.setpoint.velocity_ned_m_s
+        )
+        return output._replace(certificate=certificate)
+    unlimited = _follow(aim, gaps, evader.speed_bound_m_s, inputs, settings, memory)
+    limited = _limited(
+        unlimited.command,
+        inputs,
+        settings,
+        memory,
+        already_shaped=settings.handling.servo is not None,
+    )
+
+    # The certificate with the command, and what the next cycle has to know.
+    certified = aim.certified
+    certificate = certified.certificate._replace(
+        reason=int(Reason.TOO_OLD) if played.too_old else certified.solution.reason,
+        desired_ned_m_s=unlimited.followed.desired_ned_m_s,
+        command_ned_m_s=limited.setpoint.velocity_ned_m_s,
+        active_limits=tuple(map(str, limited.active)),
+    )
+    kept = CycleMemory(
+        follow=unlimited.followed.memory,
+        limits=limited.memory,
+        yaw_rad=unlimited.command.yaw_rad,
+        strategy=aim.memory,
+        optimal_game_m_s=Enu(certified.solution.pursuer_velocity_m_s),
+        speed=unlimited.speed,
+        circling=certified.circling,
+    )
+    return CycleOutput(limited.setpoint, certificate, kept)
 
 
 class GamePlayed(NamedTuple):
@@ -236,38 +253,6 @@ def _aim(
         settings: Of the cycle.
         memory: Of the cycle.
     """
-    certified = _certified(game, players, settings, memory, inputs.dt_s)
-    velocity_m_s: Enu | str = certified.velocity_m_s
-    hurried = certified.course is ChosenCourse.SOLUTION
-    if settings.strategy.name != OPTIMAL:
-        velocity_m_s = _asked(settings.strategy, game, players, inputs, memory.strategy)
-        hurried = True
-    if isinstance(velocity_m_s, str):
-        return Aim(certified, STILL, hurried, memory.strategy, policy_fault=velocity_m_s)
-    nominal_m_s = velocity_m_s
-    configured_m_s = settings.game.pursuer.horizontal_m_s
-    if game.pursuer.horizontal_m_s != configured_m_s:
-        nominal_m_s = _at_configured_speed(velocity_m_s, game, configured_m_s)
-    played = StrategyMemory(np.array(velocity_m_s), memory.strategy.played_s + inputs.dt_s)
-    return Aim(certified, ned_from_game(nominal_m_s), hurried, played)
-
-
-def _at_configured_speed(velocity_m_s: Enu, game: Game, configured_m_s: float) -> Enu:
-    """Return a velocity at the game's speed at the configured one, which shows whether the vehicle can fly faster.
-
-    A vehicle that waits for its height, or keeps up with the evader, asks for less than the game's speed.
-    """
-    reached_m_s = game.pursuer.horizontal_m_s
-    if game.pursuer.pace(velocity_m_s) >= reached_m_s * (1.0 - 1e-6):
-        nominal_m_s = velocity_m_s * (configured_m_s / reached_m_s)
-        return nominal_m_s.level_with(velocity_m_s.up) if game.pursuer.separate else nominal_m_s
-    return velocity_m_s
-
-
-def _certified(
-    game: Game, players: Players, settings: CycleSettings, memory: CycleMemory, dt_s: float
-) -> Certified:
-    """Return the game from here, seen from this vehicle."""
     vehicle = Capability(
         settings.handling.acceleration,
         settings.envelope,
@@ -276,7 +261,26 @@ def _certified(
         settings.tolerance_m,
     )
     before_m_s = memory.optimal_game_m_s
-    return certify(game, players, vehicle, before_m_s, memory.circling, dt_s=dt_s)
+    certified = certify(game, players, vehicle, before_m_s, memory.circling, dt_s=inputs.dt_s)
+    velocity_m_s: Enu | str = certified.velocity_m_s
+    hurried = certified.course is ChosenCourse.SOLUTION
+    if settings.strategy.name != OPTIMAL:
+        velocity_m_s = _asked(settings.strategy, game, players, inputs, memory.strategy)
+        hurried = True
+    if isinstance(velocity_m_s, str):
+        return Aim(certified, STILL, hurried, memory.strategy, policy_fault=velocity_m_s)
+    # At the configured speed, which shows whether the vehicle can fly faster. A vehicle that waits for its height, or
+    # keeps up with the evader, asks for less than the game's speed.
+    nominal_m_s = velocity_m_s
+    configured_m_s = settings.game.pursuer.horizontal_m_s
+    reached_m_s = game.pursuer.horizontal_m_s
+    asks_for_all = game.pursuer.pace(velocity_m_s) >= reached_m_s * (1.0 - 1e-6)
+    if reached_m_s != configured_m_s and asks_for_all:
+        nominal_m_s = velocity_m_s * (configured_m_s / reached_m_s)
+        if game.pursuer.separate:
+            nominal_m_s = nominal_m_s.level_with(velocity_m_s.up)
+    played = StrategyMemory(np.array(velocity_m_s), memory.strategy.played_s + inputs.dt_s)
+    return Aim(certified, ned_from_game(nominal_m_s), hurried, played)
 
 
 def _asked(
@@ -382,48 +386,6 @@ def _limited(
         walls=inputs.walls,
         already_shaped=already_shaped,
     )
-
-
-def _output(
-    played: GamePlayed, aim: Aim, unlimited: UnlimitedCommand, limited: Limited
-) -> CycleOutput:
-    """Return the setpoint, the certificate with the command, and what the next cycle has to know."""
-    certificate = aim.certified.certificate._replace(
-        reason=int(Reason.TOO_OLD) if played.too_old else aim.certified.solution.reason,
-        desired_ned_m_s=unlimited.followed.desired_ned_m_s,
-        command_ned_m_s=limited.setpoint.velocity_ned_m_s,
-        active_limits=tuple(map(str, limited.active)),
-    )
-    memory = CycleMemory(
-        follow=unlimited.followed.memory,
-        limits=limited.memory,
-        yaw_rad=unlimited.command.yaw_rad,
-        strategy=aim.memory,
-        optimal_game_m_s=Enu(aim.certified.solution.pursuer_velocity_m_s),
-        speed=unlimited.speed,
-        circling=aim.certified.circling,
-    )
-    return CycleOutput(limited.setpoint, certificate, memory)
-
-
-def _without_game(
-    inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory, players: Players
-) -> CycleOutput:
-    """Hover, because the evader is too fast for this vehicle: there is no game, and none is extrapolated."""
-    output = hover(inputs, settings, memory)
-    certificate = without_game(players)._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s)
-    return output._replace(certificate=certificate)
-
-
-def _without_policy(
-    inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory, aim: Aim
-) -> CycleOutput:
-    """Hover, because the user's policy has no answer: none of an earlier cycle is flown."""
-    output = hover(inputs, settings, memory)
-    certificate = aim.certified.certificate._replace(
-        policy_fault=aim.policy_fault, command_ned_m_s=output.setpoint.velocity_ned_m_s
-    )
-    return output._replace(certificate=certificate)
 
 
 def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:

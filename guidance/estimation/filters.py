@@ -399,23 +399,12 @@ def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estim
     dt_s = time_s - estimate.time_s
     if dt_s <= 0.0:
         return estimate
-    mixed = _mixed(estimate.modes, dt_s, settings)
-    modes = Modes(
-        steady_after(mixed.steady, dt_s, settings),
-        turning_after(mixed.turning, dt_s, settings),
-        mixed.turning_share,
-    )
-    height = _height_after(estimate.height, dt_s, settings)
-    return Estimate(time_s, estimate.received_s, modes, height)
-
-
-def _mixed(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
-    """Mix both models by the chances that a turn has begun or ended within dt."""
+    # Mix both models by the chances that a turn has begun or ended within dt.
     begins_per_s = 1.0 / settings.steady_time_s
     ends_per_s = 1.0 / settings.turning_time_s
     switching_per_s = begins_per_s + ends_per_s
     settled_s = -math.expm1(-switching_per_s * dt_s) / switching_per_s
-    steady, turning, turning_before = modes
+    steady, turning, turning_before = estimate.modes
     still_turning = turning_before * (1.0 - ends_per_s * settled_s)
     turning_share = (1.0 - turning_before) * begins_per_s * settled_s + still_turning
     turned_steady = turning_before * ends_per_s * settled_s / (1.0 - turning_share)
@@ -424,24 +413,23 @@ def _mixed(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
         (*steady.mean, turning.mean[-1]),
         (*steady.covariance, 0.0, 0.0, 0.0, 0.0, turning.covariance[-1]),
     )
-    return Modes(
-        blended(steady, turning, turned_steady),
-        blended(as_turning, turning, still_turning / turning_share),
+    mixed_turning = blended(as_turning, turning, still_turning / turning_share)
+    modes = Modes(
+        steady_after(blended(steady, turning, turned_steady), dt_s, settings),
+        turning_after(mixed_turning, dt_s, settings),
         turning_share,
     )
-
-
-def _height_after(height: Height, dt_s: float, settings: TrackSettings) -> Height:
-    down_m, rate_m_s, down_variance, shared, rate_variance = height
+    before = estimate.height
     noise = settings.height_noise_m2_s3
-    grown = down_variance + 2.0 * dt_s * shared + dt_s**2 * rate_variance
-    return Height(
-        down_m + rate_m_s * dt_s,
-        rate_m_s,
+    grown = before.down_variance + 2.0 * dt_s * before.shared + dt_s**2 * before.rate_variance
+    height = Height(
+        before.down_m + before.rate_m_s * dt_s,
+        before.rate_m_s,
         grown + noise * dt_s**3 / 3.0,
-        shared + dt_s * rate_variance + noise * dt_s**2 / 2.0,
-        rate_variance + noise * dt_s,
+        before.shared + dt_s * before.rate_variance + noise * dt_s**2 / 2.0,
+        before.rate_variance + noise * dt_s,
     )
+    return Estimate(time_s, estimate.received_s, modes, height)
 
 
 class EvaderEstimate(NamedTuple):

@@ -245,15 +245,19 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     )
     yield Event.REBOOTED, vehicle.reboots != stage.reboots_seen
     yield Event.TELEMETRY_LOST, _telemetry_lost(now)
-    yield Event.DISARMED, _disarmed(now)
+    beat = vehicle.latest.get(Heartbeat)
+    # An order may be newer than a request to arm that is still on its way.
+    undone_s = UNDONE_WITHIN_S if stage.state in HANDING_OVER else 0.0
+    yield (
+        Event.DISARMED,
+        beat is not None and not beat.armed and beat.received_s > stage.since_s + undone_s,
+    )
     yield Event.LOOP_STOPPED, has_stopped(heard)
     yield Event.LATE, is_late(vehicle, now.now_s)
     yield Event.SECOND_SENDER, vehicle.has_second_sender(now.now_s)
     yield Event.FOREIGN, heard.foreign
     # Its position.
-    view = None
-    if playing:
-        view = heard.view(now.now_s)
+    view = heard.view(now.now_s) if playing else None
     beyond: list[Wall] = []
     if view is not None:
         beyond = [wall for wall in view.walls if wall.gap_m + wall.margin_m < 0.0]
@@ -362,15 +366,6 @@ _READ_TO_ENGAGE: Final[Mapping[type[Message], str]] = {
     SystemStatus: "SYS_STATUS",
 }
 """Messages that an engagement reads, also of a vehicle whose other checks passed at the start."""
-
-
-def _disarmed(now: Moment) -> bool:
-    beat = now.heard.vehicle.latest.get(Heartbeat)
-    if beat is None or beat.armed:
-        return False
-    # An order may be newer than a request to arm that is still on its way.
-    allowed_s = UNDONE_WITHIN_S if now.stage.state in HANDING_OVER else 0.0
-    return beat.received_s > now.stage.since_s + allowed_s
 
 
 _CHOSEN_IN: Final = frozenset({State.STANDING_BY, State.OUT_OF_CONTACT, State.HOLDING})

@@ -12,7 +12,7 @@ from guidance.frames import Amsl, Enu, Ned
 from guidance.log.entries import BEGINNINGS, CONFIG, RELOADED, CycleEntry, EventEntry, Item
 from guidance.log.reader import row_of
 from guidance.log.scene import Array, fence_edges
-from guidance.messages import EvaderReport, Home, LocalPosition, Timesync
+from guidance.messages import Home, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
 SettingsOf = Callable[[Mapping[str, str]], FlightSettings]
@@ -119,16 +119,23 @@ class Aggregator:
             self.vehicle = self.vehicle._replace(home_fixed=True)
         self._tracking.observe(self.vehicle, ())
         self.playing = self.playing if inputs.role is None else inputs.role.evader
-        for report in inputs.reports:
-            self._add(report)
         frame = self._tracking.game_frame
+        local_frame = self._tracking.local_frame
+        for report in inputs.reports:
+            plays = self.playing in {None, report.evader}
+            self._report_s = report.received_s if plays else self._report_s
+            if local_frame is not None and frame is not None:
+                amsl = Amsl(report.altitude_amsl_m)
+                evader_game_m = frame.position_from_ned(
+                    local_frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl)
+                )
+                self._evader_m = evader_game_m if plays else self._evader_m
+                self.evaders_m[report.evader or ""] = evader_game_m
         # Home, and a fence in degrees about it, move with the frame.
         home_ned_m = self._tracking.home_ned_m
-        game = self._tracking.game_frame
-        local_frame = self._tracking.local_frame
-        if home_ned_m is not None and game is not None and local_frame is not None:
+        if home_ned_m is not None and frame is not None and local_frame is not None:
             if home_ned_m != self._home_ned_m:
-                self.home_m = game.position_from_ned(home_ned_m)
+                self.home_m = frame.position_from_ned(home_ned_m)
                 limits = self.settings.limits
                 self.envelope = limits.about_home(self.envelope, home_ned_m, local_frame)
             self._home_ned_m = home_ned_m
@@ -161,17 +168,3 @@ class Aggregator:
             columns |= {name: getattr(certificate, name) for name in _OF_THE_GAME}
             columns["evader_m"] = certificate.evader_game_m
         return Cycle(row.now_s, **columns)
-
-    def _add(self, report: EvaderReport) -> None:
-        plays = self.playing in {None, report.evader}
-        self._report_s = report.received_s if plays else self._report_s
-        local = self._tracking.local_frame
-        game = self._tracking.game_frame
-        if local is None or game is None:
-            return
-        amsl = Amsl(report.altitude_amsl_m)
-        evader_game_m = game.position_from_ned(
-            local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl)
-        )
-        self._evader_m = evader_game_m if plays else self._evader_m
-        self.evaders_m[report.evader or ""] = evader_game_m

@@ -128,41 +128,37 @@ class Broadcast(Record):
             stopped = is_over(self._stop, 0.05)  # the last entries are published after the end
             # An entry that cannot be encoded is dropped
             with contextlib.suppress(zenoh.ZError, ValueError, TypeError):
-                self._publish()
-                self._answer()
-
-    def _publish(self) -> None:
-        watched = self.watched()
-        while self._waiting:
-            entry = self._waiting.popleft()
-            # Viewers that join later need the last cycle, the role, the latest message of each kind and the
-            # configuration.
-            if isinstance(entry, CycleEntry):
-                self._last = entry
-                if entry.inputs.role:
-                    self._heard = Inputs(role=entry.inputs.role)
-                for message in entry.inputs.messages:
-                    self._latest[type(message)] = message
-            elif entry.event == RELOADED:
-                self._metadata[CONFIG] = entry.detail
-            channel = "cycle" if isinstance(entry, CycleEntry) else "event"
-            if channel in watched:
-                self._publishers[channel].put(_CODECS[channel].encode(entry))
-
-    def _answer(self) -> None:
-        while self._asked:
-            query = self._asked.popleft()
-            answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
-            if self._last is not None:
-                inputs = self._heard._replace(messages=tuple(self._latest.values()))
-                answer["heard"] = CYCLE.plain(
-                    CycleEntry(self._last.now_s, self._last.state, inputs, ())
-                )
-            data = json.dumps(answer, allow_nan=False).encode()
-            query.reply(
-                broadcast_key(self._name, FLIGHT), data, encoding=zenoh.Encoding.APPLICATION_JSON
-            )
-            query.drop()  # type: ignore[no-untyped-call]
+                watched = self.watched()
+                while self._waiting:
+                    entry = self._waiting.popleft()
+                    # Viewers that join later need the last cycle, the role, the latest message of each kind and the
+                    # configuration.
+                    if isinstance(entry, CycleEntry):
+                        self._last = entry
+                        if entry.inputs.role:
+                            self._heard = Inputs(role=entry.inputs.role)
+                        for message in entry.inputs.messages:
+                            self._latest[type(message)] = message
+                    elif entry.event == RELOADED:
+                        self._metadata[CONFIG] = entry.detail
+                    channel = "cycle" if isinstance(entry, CycleEntry) else "event"
+                    if channel in watched:
+                        self._publishers[channel].put(_CODECS[channel].encode(entry))
+                while self._asked:
+                    query = self._asked.popleft()
+                    answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
+                    if self._last is not None:
+                        inputs = self._heard._replace(messages=tuple(self._latest.values()))
+                        answer["heard"] = CYCLE.plain(
+                            CycleEntry(self._last.now_s, self._last.state, inputs, ())
+                        )
+                    data = json.dumps(answer, allow_nan=False).encode()
+                    query.reply(
+                        broadcast_key(self._name, FLIGHT),
+                        data,
+                        encoding=zenoh.Encoding.APPLICATION_JSON,
+                    )
+                    query.drop()  # type: ignore[no-untyped-call]
 
 
 def is_watched(publisher: "zenoh.Publisher") -> bool:

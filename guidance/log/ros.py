@@ -227,7 +227,8 @@ class RosFlight:
 
     def _heading(self) -> Quaternion:
         """Return the vehicle's heading; upright and to the east while it is unknown."""
-        return _yaw_quaternion(_yaw_enu_rad(self._vehicle))
+        yaw_rad = _yaw_enu_rad(self._vehicle)
+        return (0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
 
     def _header(self, now_s: float, frame: str | None = None) -> ros_types.Message:
         # ROS has no negative times here; they become zero.
@@ -240,9 +241,13 @@ class RosFlight:
         pose = self._pose()
         if local is None or pose is None:
             return None
-        velocity_m_s = _turned_back(
-            game_from_ned(local.velocity_ned_m_s), _yaw_enu_rad(self._vehicle)
-        )
+        # In the axes of a level body whose nose is at that angle from east.
+        velocity_enu_m_s = game_from_ned(local.velocity_ned_m_s)
+        yaw_rad = _yaw_enu_rad(self._vehicle)
+        east, north, up = velocity_enu_m_s
+        cosine = math.cos(yaw_rad)
+        sine = math.sin(yaw_rad)
+        velocity_m_s = Enu((east * cosine + north * sine, north * cosine - east * sine, up))
         header = self._header(entry.now_s)
         return _odometry(header, f"{self.name}/base_link", pose, velocity_m_s)
 
@@ -502,18 +507,6 @@ def _yaw_enu_rad(vehicle: VehicleState) -> float:
     """Return the angle from east, counter-clockwise, of the vehicle's nose; 0 while it is unknown."""
     attitude = vehicle.latest.get(Attitude)
     return 0.0 if attitude is None else 0.5 * math.pi - attitude.yaw_rad
-
-
-def _yaw_quaternion(yaw_rad: float) -> Quaternion:
-    return (0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
-
-
-def _turned_back(velocity_enu_m_s: Enu, yaw_rad: float) -> Enu:
-    """Return a velocity in the axes of a level body whose nose is `yaw_rad` from east."""
-    east, north, up = velocity_enu_m_s
-    cosine = math.cos(yaw_rad)
-    sine = math.sin(yaw_rad)
-    return Enu((east * cosine + north * sine, north * cosine - east * sine, up))
 
 
 def earth_of(frame: LocalFrame, game: GameFrame) -> tuple[tuple[float, float, float], Quaternion]:

@@ -163,7 +163,19 @@ class Recorder(Record):
             while waiting and self.failed is None:
                 now_s, topic, content = waiting.popleft()
                 if now_s >= self._file_ends_s or self._file.size >= self._rotate_bytes:
-                    self._rotate()
+                    # Open the next file, then finish the previous one: a program that follows the
+                    # record always finds a next.
+                    before = self._file
+                    try:
+                        self._file = McapFile(
+                            part_path(self.path, self._part + 1),
+                            {**self._metadata, PART: str(self._part + 1)},
+                        )
+                        self._file.sequence = before.sequence
+                    finally:
+                        before.close(finish=True, last=False)
+                    self._part += 1
+                    self._file_ends_s = math.inf
                 if self._file_ends_s == math.inf:
                     self._file_ends_s = now_s + self._rotate_s
                 if isinstance(content, bytes):
@@ -186,19 +198,6 @@ class Recorder(Record):
         add(CYCLE.topic, CYCLE.schema, now_s, CYCLE.encode(entry))
         for topic, schema, message in self._scene.of(entry):
             add(topic, schema, now_s, to_json(message, inf_nan_mode="null"))
-
-    def _rotate(self) -> None:
-        """Open the next file, then finish the previous one: a program that follows the record always finds a next."""
-        before = self._file
-        try:
-            self._file = McapFile(
-                part_path(self.path, self._part + 1), {**self._metadata, PART: str(self._part + 1)}
-            )
-            self._file.sequence = before.sequence
-        finally:
-            before.close(finish=True, last=False)
-        self._part += 1
-        self._file_ends_s = math.inf
 
 
 def part_path(path: Path, part: int) -> Path:
@@ -293,7 +292,15 @@ class McapFile:
 
     def add(self, topic: str, schema: Schema | None, now_s: float, data: bytes) -> None:
         """Add a message, JSON if it has a schema, else a MAVLink frame."""
-        channel = self._channels.get(topic) or self._channel(topic, schema)
+        title = "" if schema is None else schema["title"]
+        if title and title not in self._schemas:
+            described = json.dumps(schema, separators=(",", ":")).encode()
+            self._schemas[title] = self._writer.register_schema(title, "jsonschema", described)
+        encoding = "json" if title else "mavlink"
+        self._channels[topic] = self._writer.register_channel(
+            topic, encoding, self._schemas.get(title, 0)
+        )
+        channel = self._channels.get(topic) or self._channels[topic]
         time_ns = round(now_s * 1e9)
         self._writer.add_message(channel, time_ns, data, time_ns, self.sequence)
         self.sequence += 1
@@ -314,15 +321,3 @@ class McapFile:
                 self.end_chunk()
                 self._writer.add_metadata(END, {LAST: "yes" if last else "no"})
                 self._writer.finish()
-
-    def _channel(self, topic: str, schema: Schema | None) -> int:
-        """Describe a new channel, and its schema if that is new; return its number."""
-        title = "" if schema is None else schema["title"]
-        if title and title not in self._schemas:
-            described = json.dumps(schema, separators=(",", ":")).encode()
-            self._schemas[title] = self._writer.register_schema(title, "jsonschema", described)
-        encoding = "json" if title else "mavlink"
-        self._channels[topic] = self._writer.register_channel(
-            topic, encoding, self._schemas.get(title, 0)
-        )
-        return self._channels[topic]

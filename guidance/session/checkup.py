@@ -103,7 +103,9 @@ class Checkup:
         complete_s = begun_s
         while clock.now_s() - begun_s < limit_s:
             self._step()
-            missing = ", ".join(self._missing())
+            latest = self._daemon.flight.vehicle.latest
+            names = [name for kind, name in _HEARD.items() if latest.get(kind) is None]
+            missing = ", ".join([*names, *self._daemon.survey.memory.missing])
             told(missing)
             if missing:
                 complete_s = clock.now_s()
@@ -130,12 +132,6 @@ class Checkup:
             if not (self._evader_simulated and row.name == EVADER_ALTITUDE)
         ]
         return (*judged, *readiness)
-
-    def _missing(self) -> list[str]:
-        """Return what is needed before anything is judged, and was not received yet."""
-        latest = self._daemon.flight.vehicle.latest
-        names = [name for kind, name in _HEARD.items() if latest.get(kind) is None]
-        return [*names, *self._daemon.survey.memory.missing]
 
     def _facts(self) -> Facts:
         flight = self._daemon.flight

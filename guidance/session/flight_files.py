@@ -99,7 +99,19 @@ def recorded_settings(
     if changes is None:
         changes = {}
     for short, value in changes.items():
-        _set_key(document, _SHORT[kind].get(short, short), value)
+        # A dotted key, with the sections on its way.
+        key = _SHORT[kind].get(short, short)
+        section = document
+        *names, last = key.split(".")
+        for name in names:
+            if section.get(name) is None:
+                section[name] = {}
+            section = section[name]
+            if not isinstance(section, dict):
+                raise ConfigError(
+                    f"--with {key}={value}: {name} is not a section; its value is {section!r}"
+                )
+        section[last] = value
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
         return settings_of(parse_document(Config, document, source=source), None, None)
@@ -114,21 +126,6 @@ def recorded_settings(
     if TEAM in metadata:
         team = parse_document(TeamPlan, json.loads(metadata[TEAM]), source="the record's team")
     return settings_of(config, parse_document(Scenario, document, source=source), team)
-
-
-def _set_key(document: dict[str, Any], key: str, value: object) -> None:
-    """Set a dotted key of a document, with the sections on its way."""
-    section = document
-    *names, last = key.split(".")
-    for name in names:
-        if section.get(name) is None:
-            section[name] = {}
-        section = section[name]
-        if not isinstance(section, dict):
-            raise ConfigError(
-                f"--with {key}={value}: {name} is not a section; its value is {section!r}"
-            )
-    section[last] = value
 
 
 def changes_of(words: Sequence[str]) -> dict[str, Any]:

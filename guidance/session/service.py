@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from guidance.autopilots import Mode
-from guidance.clock import Clock, MonotonicClock
+from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError
-from guidance.links.zenoh.session import Session
 from guidance.links.zenoh.team import ZenohTeam
 from guidance.log.writer import Record, Recorder
 from guidance.session.flight_files import flight_metadata
@@ -91,7 +90,23 @@ def run_vehicle(path: Path, config: Config) -> bool:
             ground_link=world.ground_links.get(config.name),
         )
         equipment.sinks += (metrics, *open_outputs(order, stack))
-        equipment.team = _member(config, session, clock, stack)
+        if (team := config.team) is None:
+            equipment.team = None
+        else:
+            transport = stack.enter_context(
+                closing(ZenohTeam(clock.now_s, session, team.name, config.name, team.mates))
+            )
+            evaders = list(config.evaders)
+            epoch = secrets.randbits(48)
+            above_m = team.separation_height_m
+            equipment.team = Member(
+                config.name,
+                team.mates,
+                evaders,
+                transport,
+                epoch=epoch,
+                separation_height_m=above_m,
+            )
         equipment.ask = asked_in_flight(config.game.policy, clock, real_time=True)
         daemon = Daemon(
             config.name, plan, world.links[config.name], world.evaders[config.name], equipment
@@ -154,21 +169,6 @@ def daemon_recording(
                 failed=recorder.failed,
                 dropped=recorder.dropped,
             )
-
-
-def _member(config: Config, session: Session, clock: Clock, stack: ExitStack) -> Member | None:
-    """Join the team of a vehicle file, if it has one."""
-    if (team := config.team) is None:
-        return None
-    transport = stack.enter_context(
-        closing(ZenohTeam(clock.now_s, session, team.name, config.name, team.mates))
-    )
-    evaders = list(config.evaders)
-    epoch = secrets.randbits(48)
-    above_m = team.separation_height_m
-    return Member(
-        config.name, team.mates, evaders, transport, epoch=epoch, separation_height_m=above_m
-    )
 
 
 def reload(path: Path, before: Config) -> FlightPlan:

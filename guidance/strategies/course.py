@@ -84,18 +84,14 @@ def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
     points_of_rows = np.broadcast_to(points, (*start_m.shape[:-1], *points.shape))
     places = np.concatenate([start_m[..., None, :], points_of_rows], axis=-2)
     legs_m = np.diff(places, axis=-2)
-    arrivals_s = np.cumsum(_durations_s(legs_m, speeds), axis=-1)
-    start_s = 0.0 * arrivals_s[..., :1]
-    times_s = np.concatenate([start_s, arrivals_s], axis=-1)
-    return Course(times_s, places)
-
-
-def _durations_s(legs_m: Array, speeds: SpeedSet) -> Array:
-    """Return the least duration of each leg (..., k, 3)."""
+    # The least duration of each leg.
     level_squares = legs_m[..., :2] ** 2
     level_m = np.sqrt(np.sum(level_squares, axis=-1))
     for_legs: SpeedSet = rows_of(speeds, lambda numbers: numbers[..., None])
-    return for_legs.duration_s(level_m, legs_m[..., 2])
+    arrivals_s = np.cumsum(for_legs.duration_s(level_m, legs_m[..., 2]), axis=-1)
+    start_s = 0.0 * arrivals_s[..., :1]
+    times_s = np.concatenate([start_s, arrivals_s], axis=-1)
+    return Course(times_s, places)
 
 
 def random_turns(

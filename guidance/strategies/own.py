@@ -161,7 +161,15 @@ def load_policy(name: str) -> Choose:
     choose = _LOADED.get(function_name) or _function(name, function_name)
     if bracket:
         parameters = _parameters(name, listed.removesuffix(")"))
-        _check_parameters(name, choose, parameters)
+        try:
+            signature = inspect.signature(choose)
+            signature.bind(None, **parameters)
+        except TypeError as error:
+            _, *others = signature.parameters
+            allowed = ", ".join(others) or "none"
+            raise ConfigError(
+                f"policy = {name!r}: {error}; its parameters are: {allowed}"
+            ) from error
         choose = functools.partial(choose, **parameters)
     _LOADED[name] = choose
     return choose
@@ -190,16 +198,6 @@ def _parameters(name: str, listed: str) -> dict[str, Any]:
             f"policy = {name!r}: parameters must be name=value, with commas between: {listed}"
         ) from error
     return parameters
-
-
-def _check_parameters(name: str, choose: Choose, parameters: Mapping[str, object]) -> None:
-    try:
-        signature = inspect.signature(choose)
-        signature.bind(None, **parameters)
-    except TypeError as error:
-        _, *others = signature.parameters
-        allowed = ", ".join(others) or "none"
-        raise ConfigError(f"policy = {name!r}: {error}; its parameters are: {allowed}") from error
 
 
 def _imported(name: str, source: str) -> Any:  # noqa: ANN401 - a module has no type of its own

@@ -206,7 +206,13 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
         return None
     evaders = _names(report, "evader")
     styles = _styles(report)
-    measures = _MEASURES if _captures_differ(report, keys) else _MEASURES[1:]
+    # Captures are drawn only if their share is not the same for all pairs and groups.
+    shares = set()
+    for policies in report["policies"]:
+        for key in keys:
+            groups = policies["by_key"][key.column]
+            shares |= {group["capture"]["estimate"] for group in groups if group["games"]}
+    measures = _MEASURES if len(shares) > 1 else _MEASURES[1:]
     title = f"{report['title']}: results by swept key"
     if len(keys) == 1:
         figure, axes = titled_figure(title, len(measures), len(evaders))
@@ -220,7 +226,21 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
             if pair["evader"] == evader:
                 groups = pair["by_key"][key.column]
                 style = styles[pair["pursuer"]]
-                _draw_curve(panel, groups, key, measure, style)
+                centres = []
+                bands = []
+                for group in groups:
+                    if not group[measure.games]:
+                        continue
+                    number = key.labels.index(group["at"][key.column])
+                    centres.append(key.centres[number])
+                    values = group[measure.column]
+                    bands.append([values[part] for part in measure.band])
+                bands_of_groups = np.array(bands, dtype=np.float64).reshape(-1, 3)
+                low, middle, high = bands_of_groups.T
+                panel.plot(centres, middle, **style)
+                panel.fill_between(
+                    centres, low, high, color=style["color"], alpha=0.12, linewidth=0.0
+                )
         panel.set(xlabel=key_label(key.column), ylabel=measure.label.format(report["unit"]))
         if measure.column == "capture":
             panel.set_ylim(-0.03, 1.03)
@@ -230,39 +250,6 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
         panel.set_title(f"evader: {evader}")
     _legend(figure, axes)
     return figure
-
-
-def _captures_differ(report: Mapping[str, Any], keys: Sequence[Key]) -> bool:
-    """Return True if the share of captures is not the same for all pairs and groups."""
-    shares = set()
-    for policies in report["policies"]:
-        for key in keys:
-            groups = policies["by_key"][key.column]
-            shares |= {group["capture"]["estimate"] for group in groups if group["games"]}
-    return len(shares) > 1
-
-
-def _draw_curve(
-    panel: Any,  # noqa: ANN401 - Matplotlib has no types for it
-    groups: Sequence[Mapping[str, Any]],
-    key: Key,
-    measure: _Measure,
-    style: Mapping[str, Any],
-) -> None:
-    """Draw a measure of the groups that have one, with its band."""
-    centres = []
-    bands = []
-    for group in groups:
-        if not group[measure.games]:
-            continue
-        number = key.labels.index(group["at"][key.column])
-        centres.append(key.centres[number])
-        values = group[measure.column]
-        bands.append([values[part] for part in measure.band])
-    bands_of_groups = np.array(bands, dtype=np.float64).reshape(-1, 3)
-    low, middle, high = bands_of_groups.T
-    panel.plot(centres, middle, **style)
-    panel.fill_between(centres, low, high, color=style["color"], alpha=0.12, linewidth=0.0)
 
 
 def _grid_of(

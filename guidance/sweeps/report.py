@@ -64,7 +64,11 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     swept: list[str] = []
     for axis in folder.plan.axes:
         swept.extend(axis.columns())
-    predicted, away_m = _columns_of_game(folder.plan)
+    # The predicted value, and the distance that orders lost games.
+    if folder.plan.teams:
+        predicted, away_m = "predicted", "evader_to_target_m"
+    else:
+        predicted, away_m = _OF_GAME[folder.plan.scenario["game"]]
     rows: Columns = folder.columns([*swept, *_COLUMNS, predicted, away_m])
     rows["predicted"] = rows[predicted]
     rows["away_m"] = rows[away_m]
@@ -88,13 +92,6 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
         _show(console(), report, keys)
     case_files = [out / case["file"] for case in cases]
     return [out / "report.json", *pictures, *case_files]
-
-
-def _columns_of_game(plan: Plan) -> tuple[str, str]:
-    """Return the columns of the predicted value, and of the distance that orders lost games."""
-    if plan.teams:
-        return "predicted", "evader_to_target_m"
-    return _OF_GAME[plan.scenario["game"]]
 
 
 def _keys(plan: Plan, axis: Axis, rows: Columns) -> Iterator[Key]:
@@ -157,6 +154,16 @@ def summed_up(
         results["by_point"] = by_point.get(number, [])
         policies.append(results)
     scenario_title = plan.scenario["title"]
+    # An example of each reason; its numbers differ from row to row.
+    is_invalid = rows[END] == "invalid"
+    has_failed = rows[END] == "failed"
+    is_wrong = is_invalid | has_failed
+    numbers = rows[ROW][is_wrong].tolist()
+    reasons: dict[str, dict[str, Any]] = {}
+    for number, reason in zip(numbers, rows["reason"][is_wrong], strict=True):
+        kind = re.sub(r"-?\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
+        example = {"rows": 0, "row": number, "reason": reason}
+        reasons.setdefault(kind, example)["rows"] += 1
     report = {
         "title": plan.title if plan.title else scenario_title,
         "scenario": scenario_title,
@@ -168,7 +175,7 @@ def summed_up(
         "unit": "s" if plan.scenario["game"] == "pe" else "m",
         "intervals": "95 %, of random draws only: Wilson's for probabilities, Student's t for means",
         "policies": policies,
-        "invalid": _reasons(rows),
+        "invalid": sorted(reasons.values(), key=lambda reason: -int(reason["rows"])),
         "worst": worst,
     }
     return dict(plain(report))
@@ -178,7 +185,10 @@ def _group_summaries(
     plan: Plan, rows: Columns, keys: Sequence[Key]
 ) -> dict[int, list[dict[str, Any]]]:
     """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
-    with_intervals = not (plan.teams or _mixes_grid_values(plan, keys))
+    # No interval if the plan varies more keys of its grid than these.
+    varied = [axis for axis in plan.axes if len(axis.values) > 1]
+    grid = [key for key in keys if key.grid]
+    with_intervals = not (plan.teams or len(varied) > len(grid))
     groups_of: dict[int, list[dict[str, Any]]] = {}
     for pair, places, games in _grouped(plan, rows, keys):
         summary: dict[str, Any] = {}
@@ -206,13 +216,6 @@ def _grouped(
         yield pair, places, games
 
 
-def _mixes_grid_values(plan: Plan, keys: Sequence[Key]) -> bool:
-    """Return True if the plan varies more keys of its grid than these."""
-    varied = [axis for axis in plan.axes if len(axis.values) > 1]
-    grid = [key for key in keys if key.grid]
-    return len(varied) > len(grid)
-
-
 def _summary(plan: Plan, games: Array, *, with_intervals: bool) -> dict[str, Any]:
     """Return captures and regrets of a group of games (n, 4): captured, regret, predicted value and time."""
     captures, regrets, predicted, times_s = games.T
@@ -238,20 +241,6 @@ def _summary(plan: Plan, games: Array, *, with_intervals: bool) -> dict[str, Any
         "regret_mean": regret,
         "regret_quantiles": quantiles,
     }
-
-
-def _reasons(rows: Columns) -> list[dict[str, Any]]:
-    """Return why rows are invalid or failed, with an example of each reason; its numbers differ from row to row."""
-    is_invalid = rows[END] == "invalid"
-    has_failed = rows[END] == "failed"
-    is_wrong = is_invalid | has_failed
-    numbers = rows[ROW][is_wrong].tolist()
-    reasons: dict[str, dict[str, Any]] = {}
-    for number, reason in zip(numbers, rows["reason"][is_wrong], strict=True):
-        kind = re.sub(r"-?\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
-        example = {"rows": 0, "row": number, "reason": reason}
-        reasons.setdefault(kind, example)["rows"] += 1
-    return sorted(reasons.values(), key=lambda reason: -int(reason["rows"]))
 
 
 def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator[dict[str, Any]]:
@@ -300,7 +289,13 @@ def _worst(plan: Plan, rows: Columns, count: int) -> list[int]:
 def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:
     unit = report["unit"]
     grid = [key for key in keys if key.grid]
-    target.print(f"{_row_count_words(report)}, as {report['as']}")
+    count = report["rows"]
+    planned = report["rows_planned"]
+    if report["teams"]:
+        row_words = f"{count} evaders of {planned} games"
+    else:
+        row_words = f"{count} of {planned} rows"
+    target.print(f"{row_words}, as {report['as']}")
     target.print(
         f"regret, {unit}: the pursuer's loss against the game's value; below 0, the evader's"
     )
@@ -332,14 +327,6 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
         )
 
 
-def _row_count_words(report: Mapping[str, Any]) -> str:
-    count = report["rows"]
-    planned = report["rows_planned"]
-    if report["teams"]:
-        return f"{count} evaders of {planned} games"
-    return f"{count} of {planned} rows"
-
-
 def _names(policies: Mapping[str, Any]) -> str:
     return f"{policies['pursuer']} against {policies['evader']}"
 
@@ -350,43 +337,31 @@ def _by_key(
     """Yield title, headings and rows of the maps over two keys, or of the curve over each key."""
     if len(grid) == 2:
         first, second = grid
-        yield from _maps(policies, first, second)
+        down_label = key_label(first.column)
+        across_label = key_label(second.column)
+        keys = f"{down_label} (down) and {across_label} (across)"
+        measures = (("capture", "captured", _percent), ("regret_mean", "mean regret", _number))
+        for measure, name, cell_of in measures:
+            cells = {}
+            for point in policies["by_point"]:
+                labels = tuple(point["at"].values())
+                cells[labels] = cell_of(point[measure]["estimate"])
+            rows = []
+            for down in first.labels:
+                cells_across = [cells.get((down, across), "") for across in second.labels]
+                rows.append((down, *cells_across))
+            yield f": {name} by {keys}", second.labels, rows
     else:
-        yield from _tables(policies, grid)
-
-
-def _maps(
-    policies: Mapping[str, Any], first: Key, second: Key
-) -> Iterator[tuple[str, Sequence[str], Rows]]:
-    down_label = key_label(first.column)
-    across_label = key_label(second.column)
-    keys = f"{down_label} (down) and {across_label} (across)"
-    measures = (("capture", "captured", _percent), ("regret_mean", "mean regret", _number))
-    for measure, name, cell_of in measures:
-        cells = {}
-        for point in policies["by_point"]:
-            labels = tuple(point["at"].values())
-            cells[labels] = cell_of(point[measure]["estimate"])
-        rows = []
-        for down in first.labels:
-            cells_across = [cells.get((down, across), "") for across in second.labels]
-            rows.append((down, *cells_across))
-        yield f": {name} by {keys}", second.labels, rows
-
-
-def _tables(
-    policies: Mapping[str, Any], grid: Sequence[Key]
-) -> Iterator[tuple[str, Sequence[str], Rows]]:
-    names = list(_SHOWN)[:3]
-    headings = ("captured", "mean regret", *names)
-    for key in grid:
-        column = key.column
-        rows = []
-        for group in policies["by_key"][column]:
-            label = group["at"][column]
-            captured = _share(group["capture"])
-            rows.append((label, captured, *_regret(group, names)))
-        yield f", by {key_label(column)}", headings, rows
+        names = list(_SHOWN)[:3]
+        headings = ("captured", "mean regret", *names)
+        for key in grid:
+            column = key.column
+            rows = []
+            for group in policies["by_key"][column]:
+                label = group["at"][column]
+                captured = _share(group["capture"])
+                rows.append((label, captured, *_regret(group, names)))
+            yield f", by {key_label(column)}", headings, rows
 
 
 def _regret(group: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:

@@ -246,17 +246,6 @@ def _deadly(chunk: int) -> GuidanceError:
     )
 
 
-def _processors() -> int:
-    count = os.cpu_count()
-    return 1 if count is None else count
-
-
-def _interrupted(kept_rows: int, rows: int) -> str:
-    """Say what remains of an interrupted sweep."""
-    rows_kept = f"{kept_rows} of {rows} rows are kept" if kept_rows else "no rows were written yet"
-    return f"interrupted: {rows_kept}; run the same command to continue"
-
-
 def run_sweep(
     name: str,
     *,
@@ -285,7 +274,9 @@ def run_sweep(
     stem = Path(name).stem
     path = Path("sweeps") / f"{stem}-{plan.way}" if out is None else out
     unit = "games" if plan.way == "maths" else "flights"
-    size = workers if workers is not None else _processors()
+    count = os.cpu_count()
+    processors = 1 if count is None else count
+    size = workers if workers is not None else processors
     title = plan.title if plan.title else stem
     with alone(path):
         target.print(headed(title, f": {plan.rows} {unit}"))
@@ -306,7 +297,14 @@ def run_sweep(
             try:
                 finish(folder, progress, workers=size, scheduler=scheduler)
             except KeyboardInterrupt:
-                raise KeyboardInterrupt(_interrupted(progress.kept, plan.rows)) from None
+                rows_kept = (
+                    f"{progress.kept} of {plan.rows} rows are kept"
+                    if progress.kept
+                    else "no rows were written yet"
+                )
+                raise KeyboardInterrupt(
+                    f"interrupted: {rows_kept}; run the same command to continue"
+                ) from None
         took_s = time.monotonic() - begun_s
         rows = plan.rows - folder.rows_there
         rate = rows / took_s

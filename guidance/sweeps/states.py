@@ -98,7 +98,16 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
     try:
         columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
         with Progress(*columns, console=target, transient=True, disable=not redraws(target)) as bar:
-            task = bar.add_task("", total=_rows_of(states))
+            # Of a CSV file the number of its lines, for the progress bar.
+            if states.suffix == ".parquet":
+                row_count = int(parquet.read_metadata(states).num_rows)
+            else:
+                lines = 0
+                with states.open("rb") as file:
+                    while block := file.read(1 << 20):
+                        lines += block.count(b"\n")
+                row_count = max(0, lines - 1)
+            task = bar.add_task("", total=row_count)
             for chunk in _chunks(states):
                 first_row = rows_done + 1
                 numbers, cells = _with_numbers(chunk, first_row=first_row)
@@ -108,7 +117,12 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
                 rows_done += chunk.num_rows
                 with writing(out):
                     if writer is None:
-                        writer = _writer(out, answered.schema)
+                        out.parent.mkdir(parents=True, exist_ok=True)
+                        private_file(out)
+                        if out.suffix == ".csv":
+                            writer = csv.CSVWriter(out, answered.schema)
+                        else:
+                            writer = parquet.ParquetWriter(out, answered.schema)
                     writer.write_table(answered)
                 bar.update(task, completed=rows_done)
     except pa.ArrowInvalid as error:
@@ -119,14 +133,10 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
                 writer.close()
     target.print(f"{out}: {rows_done} rows", soft_wrap=True)
     if strange:
-        target.print(f"{states}: {_unanswered(strange, rows_done)}", soft_wrap=True, markup=False)
-
-
-def _unanswered(cells: list[Cell], rows: int) -> str:
-    """Say which rows have no answer."""
-    count = len({row for row, *_ in cells})
-    fault = f"{count} of {rows} rows have no answer, because a cell is not a number"
-    return f"{fault}: {_listed(cells)}"
+        count = len({row for row, *_ in strange})
+        fault = f"{count} of {rows_done} rows have no answer, because a cell is not a number"
+        unanswered = f"{fault}: {_listed(strange)}"
+        target.print(f"{states}: {unanswered}", soft_wrap=True, markup=False)
 
 
 def _checked_out(states: Path, out: Path | None) -> Path:
@@ -155,17 +165,6 @@ def _listed(cells: list[Cell]) -> str:
     if hidden > 0:
         words.append(f"and {hidden} more")
     return "; ".join(words)
-
-
-def _rows_of(path: Path) -> int:
-    """Return the number of rows; of a CSV file the number of its lines, for the progress bar."""
-    if path.suffix == ".parquet":
-        return int(parquet.read_metadata(path).num_rows)
-    lines = 0
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            lines += block.count(b"\n")
-    return max(0, lines - 1)  # without the heading
 
 
 def _chunks(path: Path) -> Iterator[pa.Table]:
@@ -209,14 +208,6 @@ def _checked_names(path: Path, schema: pa.Schema) -> list[str]:
     return names
 
 
-def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWriter:
-    out.parent.mkdir(parents=True, exist_ok=True)
-    private_file(out)
-    if out.suffix == ".csv":
-        return csv.CSVWriter(out, schema)
-    return parquet.ParquetWriter(out, schema)
-
-
 def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Cell]]:
     """Convert the text in columns of numbers; a cell that holds no number becomes empty and is returned."""
     strange = []
@@ -238,13 +229,34 @@ def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Ce
 def _answered(game: Game, chunk: pa.Table, lost: set[int], *, speeds_given: bool) -> pa.Table:
     """Append the answers to a chunk of states; the rows in `lost` have a cell without a number."""
     names = set(chunk.column_names)
-    game = _with_ratios(game, chunk, speeds_given=speeds_given)
+    # The speed ratios of the file, if it has them.
+    has_ratio = _RATIO in chunk.column_names
+    if has_ratio and speeds_given:
+        raise ConfigError(
+            f"--speed-ratio, --cylinder: must not be given, since the file has the column {_RATIO}"
+        )
+    if not has_ratio and not speeds_given:
+        raise ConfigError(
+            f"--speed-ratio, --cylinder: one must be given, since the file has no column {_RATIO}"
+        )
+    if has_ratio:
+        pursuer_speed_m_s = _column(chunk, _RATIO) * game.evader_speed_m_s
+        game = replace(game, pursuer=Ball(pursuer_speed_m_s))
     has_target = "target_x_m" in names or "target_y_m" in names
     target = _place(chunk, "target") if has_target else None
     if any(map(_PLAYER.fullmatch, names)):
         fields = _team_columns(game, chunk, target, lost)
     else:
-        fields = _answers(game, chunk, target)
+        pursuer_m = _place(chunk, "pursuer")
+        evader_m = _place(chunk, "evader")
+        solution = solve(game, pursuer_m, evader_m, target)
+        fields = {}
+        for name, values in solution._asdict().items():
+            column = name
+            if values.ndim > 1:
+                # A vector has a column for each axis, before its unit
+                column = re.sub(r"(_m_s|_m)$", r"_{}\1", name)
+            fields[column] = values
     columns: dict[str, Any] = {}
     for column, field in fields.items():
         columns.update(_flat(column, field))
@@ -261,38 +273,6 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, speeds_given: bool
             chunk = chunk.drop_columns([name])
         chunk = chunk.append_column(name, pa.array(values))
     return chunk
-
-
-def _answers(game: Game, chunk: pa.Table, target: Array | None) -> dict[str, Any]:
-    """Return the answers to the rows of a file of single games: name of the columns, and a field (rows, ...)."""
-    pursuer_m = _place(chunk, "pursuer")
-    evader_m = _place(chunk, "evader")
-    solution = solve(game, pursuer_m, evader_m, target)
-    fields = {}
-    for name, values in solution._asdict().items():
-        column = name
-        if values.ndim > 1:
-            # A vector has a column for each axis, before its unit
-            column = re.sub(r"(_m_s|_m)$", r"_{}\1", name)
-        fields[column] = values
-    return fields
-
-
-def _with_ratios(game: Game, chunk: pa.Table, *, speeds_given: bool) -> Game:
-    """Return the game with the speed ratios of the file, if there is such a column."""
-    has_ratio = _RATIO in chunk.column_names
-    if has_ratio and speeds_given:
-        raise ConfigError(
-            f"--speed-ratio, --cylinder: must not be given, since the file has the column {_RATIO}"
-        )
-    if not has_ratio and not speeds_given:
-        raise ConfigError(
-            f"--speed-ratio, --cylinder: one must be given, since the file has no column {_RATIO}"
-        )
-    if not has_ratio:
-        return game
-    pursuer_speed_m_s = _column(chunk, _RATIO) * game.evader_speed_m_s
-    return replace(game, pursuer=Ball(pursuer_speed_m_s))
 
 
 def _place(chunk: pa.Table, player: str) -> Array:
@@ -348,23 +328,7 @@ def _team_columns(
     evaders_m = _positions_of(chunk, "evader")
     rows, pursuers, _ = pursuers_m.shape
     evaders = evaders_m.shape[1]
-    answers = _blank_team_answers(rows, pursuers, evaders)
-    for teams in _teams_in(pursuers_m, evaders_m, lost):
-        row_games = rows_of(game, itemgetter((teams.rows, None, None)))
-        P = pursuers_m[np.ix_(teams.rows, teams.pursuers)]
-        E = evaders_m[np.ix_(teams.rows, teams.evaders)]
-        goal = None if target is None else target[teams.rows][:, None]
-        matching = match_teams(row_games, P, E, goal)
-        _fill_in(answers, teams, matching)
-    columns = {}
-    for name, field in answers.items():
-        column, _ = _TEAM_COLUMNS[name]
-        columns[column] = field
-    return columns
-
-
-def _blank_team_answers(rows: int, pursuers: int, evaders: int) -> dict[str, Array]:
-    """Return the fields of `_TEAM_COLUMNS` of rows without an answer."""
+    # Rows without an answer.
     shapes: dict[str, tuple[int, ...]] = {
         "guaranteed": (),
         "total": (),
@@ -377,7 +341,18 @@ def _blank_team_answers(rows: int, pursuers: int, evaders: int) -> dict[str, Arr
     for name, (_, blank) in _TEAM_COLUMNS.items():
         shape = shapes.get(name, (evaders,))
         answers[name] = np.full((rows, *shape), blank)
-    return answers
+    for teams in _teams_in(pursuers_m, evaders_m, lost):
+        row_games = rows_of(game, itemgetter((teams.rows, None, None)))
+        P = pursuers_m[np.ix_(teams.rows, teams.pursuers)]
+        E = evaders_m[np.ix_(teams.rows, teams.evaders)]
+        goal = None if target is None else target[teams.rows][:, None]
+        matching = match_teams(row_games, P, E, goal)
+        _fill_in(answers, teams, matching)
+    columns = {}
+    for name, field in answers.items():
+        column, _ = _TEAM_COLUMNS[name]
+        columns[column] = field
+    return columns
 
 
 def _teams_in(pursuers_m: Array, evaders_m: Array, lost: set[int]) -> Iterator[_Teams]:

@@ -130,7 +130,22 @@ class Board:
         except RefusedMessage as refused:
             self.counts[f"refused_{refused}"] += 1
             self._note_refused(arrived_s, key, str(refused))
-            return self._disputed(arrived_s, key)
+            # What is sure about a mate for whom two senders speak: its age grows to `DISPUTED_AGE_S`, and
+            # then its doubt grows as fast as it may fly.
+            kind, _, name = key.partition("/")
+            mate = self.mates.get(name)
+            if kind != STATE or mate is None or mate.state is None:
+                return None
+            if not mate.senders[key].is_disputed(arrived_s):
+                return None
+            state = mate.state
+            fastest_m_s = max(_fastest_m_s(state), mate.fastest_m_s)
+            at_s = max(mate.at_s, arrived_s - DISPUTED_AGE_S)
+            unseen_s = at_s - mate.at_s + _MOVED_S
+            jumps_m = math.hypot(*mate.doubt_ned_m)
+            doubt_m = jumps_m + mate.claims_m + fastest_m_s * unseen_s
+            position = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
+            return MateState(name, at_s, *position, STILL, fastest_m_s, doubt_m, airborne=True)
         self.counts["accepted"] += 1
         return news
 
@@ -181,7 +196,21 @@ class Board:
         mate.clock = hear(mate.clock, state.sent_s, arrived_s)
         at_s = arrived_s if mate.clock is None else min(arrived_s, mate.clock.ours(state.sent_s))
         if before is not None:
-            self._doubt(mate, before, state, at_s - mate.at_s)
+            # Doubt is what of a step no motion explains.
+            dt_s = at_s - mate.at_s
+            reported_ned_m = LocalFrame(*before.place).ned_from_wgs84(*state.place)
+            expected_ned_m = dt_s * Ned(before.velocity_ned_m_s)
+            apart_ned_m = reported_ned_m - expected_ned_m
+            apart_m = math.hypot(*apart_ned_m)
+            if apart_m > 0.0:
+                accelerated_m = 0.5 * _SWERVE_M_S2 * dt_s * dt_s
+                reversed_m = 2.0 * (state.speed_m_s + state.climb_m_s) * max(0.0, dt_s)
+                swerved_m = min(accelerated_m, reversed_m)
+                excess = 1.0 - (_SLACK_M + swerved_m) / apart_m
+                if excess > 0.0:
+                    mate.doubt_ned_m += excess * apart_ned_m
+                    self.counts["jumps"] += 1
+                    self.news.append(f"{state.vehicle} jumped by {apart_m:.0f} m")
         mate.state = state
         mate.at_s = at_s
         mate.heard_s = arrived_s
@@ -205,44 +234,6 @@ class Board:
             doubt_m,
             state.airborne,
         )
-
-    def _disputed(self, now_s: float, key: str) -> MateState | None:
-        """Return what is sure about a mate for whom two senders speak; None for others.
-
-        Its age grows to `DISPUTED_AGE_S`, and then its doubt grows as fast as it may fly.
-        """
-        kind, _, name = key.partition("/")
-        mate = self.mates.get(name)
-        if kind != STATE or mate is None or mate.state is None:
-            return None
-        if not mate.senders[key].is_disputed(now_s):
-            return None
-        state = mate.state
-        fastest_m_s = max(_fastest_m_s(state), mate.fastest_m_s)
-        at_s = max(mate.at_s, now_s - DISPUTED_AGE_S)
-        unseen_s = at_s - mate.at_s + _MOVED_S
-        jumps_m = math.hypot(*mate.doubt_ned_m)
-        doubt_m = jumps_m + mate.claims_m + fastest_m_s * unseen_s
-        position = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
-        return MateState(name, at_s, *position, STILL, fastest_m_s, doubt_m, airborne=True)
-
-    def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
-        """Add what of a step no motion explains."""
-        reported_ned_m = LocalFrame(*before.place).ned_from_wgs84(*after.place)
-        expected_ned_m = dt_s * Ned(before.velocity_ned_m_s)
-        apart_ned_m = reported_ned_m - expected_ned_m
-        apart_m = math.hypot(*apart_ned_m)
-        if not apart_m > 0.0:
-            return
-        accelerated_m = 0.5 * _SWERVE_M_S2 * dt_s * dt_s
-        reversed_m = 2.0 * (after.speed_m_s + after.climb_m_s) * max(0.0, dt_s)
-        swerved_m = min(accelerated_m, reversed_m)
-        excess = 1.0 - (_SLACK_M + swerved_m) / apart_m
-        if excess <= 0.0:
-            return
-        mate.doubt_ned_m += excess * apart_ned_m
-        self.counts["jumps"] += 1
-        self.news.append(f"{after.vehicle} jumped by {apart_m:.0f} m")
 
     def _take_report(self, arrived_s: float, message: EvaderMessage) -> EvaderReport:
         clock = self.mates[message.vehicle].clock

@@ -154,23 +154,7 @@ class Coordinator:
         has_begun = any(state.part == "playing" for _, state in states)
         vehicles_m = np.array([position_m for position_m, _ in states])
         evaders_m = np.array([evader.position_m for evader in seen_evaders])
-        previous = self._previous(vehicles, evaders) if has_begun else None
-        try:
-            return match_teams(
-                game,
-                vehicles_m,
-                evaders_m,
-                scene.target_m,
-                previous=previous,
-                hysteresis=HYSTERESIS,
-            )
-        except ConfigError:
-            # A state without an answer: no roles are sent, and every vehicle keeps its evader
-            self._board.counts["unmatched"] += 1
-            return None
-
-    def _previous(self, vehicles: list[str], evaders: list[str]) -> Matching:
-        """Return the vehicles that have promised an evader, by their present numbers; −1 for nobody."""
+        # The vehicles that have promised an evader, by their present numbers; −1 for nobody.
         numbers = {name: number for number, name in enumerate(vehicles)}
         promises = {
             promise.evader: promise for promise in self._promised if promise.value is not None
@@ -185,7 +169,20 @@ class Coordinator:
                 first[number] = numbers.get(promise.first, -1)
             if promise.second is not None:
                 second[number] = numbers.get(promise.second, -1)
-        return _NOTHING._replace(first=first, second=second)
+        previous = _NOTHING._replace(first=first, second=second) if has_begun else None
+        try:
+            return match_teams(
+                game,
+                vehicles_m,
+                evaders_m,
+                scene.target_m,
+                previous=previous,
+                hysteresis=HYSTERESIS,
+            )
+        except ConfigError:
+            # A state without an answer: no roles are sent, and every vehicle keeps its evader
+            self._board.counts["unmatched"] += 1
+            return None
 
     def _roles(
         self, matching: Matching | None, vehicles: list[str], evaders: list[str]
@@ -228,7 +225,12 @@ class Coordinator:
         passed_s = 0.0
         if scene.target_m is None and has_begun:
             passed_s = now_s - self._board.roles_s
-        promises = self._promises_after(passed_s, evaders)
+        # The promises so far; those about evaders in play with the time that is left.
+        promises = {promise.evader: promise for promise in self._promised}
+        for name, promise in promises.items():
+            if promise.value is not None and name in evaders:
+                value_left = promise.value - passed_s
+                promises[name] = promise.model_copy(update={"value": value_left})
         if matching is None:
             return tuple(promises.values())
         numbered = [*vehicles, None]  # -1 is nobody
@@ -249,34 +251,23 @@ class Coordinator:
             )
         return tuple(promises.values())
 
-    def _promises_after(self, passed_s: float, evaders: list[str]) -> dict[str, Promise]:
-        """Return the promises so far, by evader; those about evaders in play with the time that is left."""
-        promises = {promise.evader: promise for promise in self._promised}
-        for name, promise in promises.items():
-            if promise.value is not None and name in evaders:
-                value_left = promise.value - passed_s
-                promises[name] = promise.model_copy(update={"value": value_left})
-        return promises
-
     def _kept_or_broken(
         self, scene: CoordinatorView, before: Promise, value: float | None, vehicles: list[str]
     ) -> tuple[float | None, str]:
         """Return the value and cause of a promise that was given: it stands until a cause explains a worse value."""
         if before.value is None:
             return value, before.cause
-        if self._is_worse(scene, value, before.value):
+        # A value is worse for the team if it is later (PE), or nearer the target.
+        if value is None:
+            is_worse = True
+        else:
+            loss = before.value - value if scene.target_m is not None else value - before.value
+            is_worse = loss > _NOISE
+        if is_worse:
             cause = self._cause(scene, before.evader, vehicles)
             if cause:
                 return value, cause
         return before.value, before.cause
-
-    @staticmethod
-    def _is_worse(scene: CoordinatorView, value: float | None, promised: float) -> bool:
-        """Return whether a value is worse for the team than the promised one: later (PE), or nearer the target."""
-        if value is None:
-            return True
-        loss = promised - value if scene.target_m is not None else value - promised
-        return loss > _NOISE
 
     def _cause(self, scene: CoordinatorView, evader: str, vehicles: list[str]) -> str:
         """Say why a promise cannot be kept; empty if nothing explains it, and then it stands."""

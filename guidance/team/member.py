@@ -216,23 +216,45 @@ class Member:
             vehicle = flight.vehicle
             is_airborne = vehicle.armed and not vehicle.on_ground
             role = flight.heard.role
+            part: Literal["out", "ready", "playing"] = "out"
+            if flight.state in _PLAYING:
+                part = "playing"
+            elif flight.state in _READY:
+                part = "ready"
+            value = None
+            if outputs.certificate is not None and 0.0 <= outputs.certificate.value < math.inf:
+                value = outputs.certificate.value
+            speeds = flight.settings.cycle.game.pursuer
             state = StateMessage(
                 **sender,
                 **position,
-                **_speeds(flight),
+                speed_m_s=float(speeds.horizontal_m_s),
+                climb_m_s=float(speeds.climb_m_s),
+                descent_m_s=float(speeds.descent_m_s),
                 velocity_ned_m_s=local.velocity_ned_m_s,
                 state=str(flight.state),
-                part=_part_in_team(flight.state),
+                part=part,
                 airborne=is_airborne,
                 evader=None if role is None else role.evader,
-                value=_value_of(outputs),
+                value=value,
                 term=self.board.term,
                 over=tuple(sorted(self.board.over)),
             )
             self.board.own = state
             self._transport.publish(state.key, encode(state))
         for name, report in self._reports.items():
-            message = _relayed(sender, name, report)
+            altitude = Amsl(report.altitude_amsl_m)
+            place = (report.latitude_deg, report.longitude_deg, altitude)
+            position = _position_fields(report.received_s, place)
+            velocity = report.velocity_ned_m_s
+            is_known = all(map(math.isfinite, velocity))
+            message = EvaderMessage(
+                **sender,
+                **position,
+                evader=name,
+                source=report.source[:120],
+                velocity_ned_m_s=velocity if is_known else None,
+            )
             self._transport.publish(message.key, encode(message))
         self._reports.clear()
 
@@ -296,47 +318,6 @@ def _contents(roles: RolesMessage) -> tuple[Any, ...]:
         for promise in roles.promises
     ]
     return roles.term, roles.roles, promises
-
-
-def _part_in_team(state: State) -> Literal["out", "ready", "playing"]:
-    """Return whether a vehicle in this state can be engaged, or plays."""
-    if state in _PLAYING:
-        return "playing"
-    return "ready" if state in _READY else "out"
-
-
-def _value_of(outputs: Outputs) -> float | None:
-    """Return the value of the vehicle's own game; None without one."""
-    if outputs.certificate is None:
-        return None
-    value = outputs.certificate.value
-    return value if math.isfinite(value) and value >= 0.0 else None
-
-
-def _speeds(flight: Flight) -> dict[str, Any]:
-    """Return the vehicle's speeds in the game."""
-    speeds = flight.settings.cycle.game.pursuer
-    return {
-        "speed_m_s": float(speeds.horizontal_m_s),
-        "climb_m_s": float(speeds.climb_m_s),
-        "descent_m_s": float(speeds.descent_m_s),
-    }
-
-
-def _relayed(sender: dict[str, Any], evader: str, report: EvaderReport) -> EvaderMessage:
-    """Return a report of an evader for the mates."""
-    altitude = Amsl(report.altitude_amsl_m)
-    place = (report.latitude_deg, report.longitude_deg, altitude)
-    position = _position_fields(report.received_s, place)
-    velocity = report.velocity_ned_m_s
-    is_known = all(map(math.isfinite, velocity))
-    return EvaderMessage(
-        **sender,
-        **position,
-        evader=evader,
-        source=report.source[:120],
-        velocity_ned_m_s=velocity if is_known else None,
-    )
 
 
 def _position_fields(sent_s: float, place: tuple[float, float, Amsl]) -> dict[str, Any]:

@@ -95,7 +95,18 @@ class Sender:
             content: Hash of its bytes, by which a repetition is known.
         """
         reason = self._judge(now_s, epoch, number, content)
-        if reason != "order" and self._both_speak(now_s):
+        # Both speak if the stream went on after a steady rival had begun, and both were heard just now.
+        current = self.current
+        rival = self.rival
+        both_speak = (
+            current is not None
+            and rival is not None
+            and rival.messages >= STEADY
+            and current.is_heard(now_s)
+            and rival.is_heard(now_s)
+            and current.heard_s > rival.begun_s
+        )
+        if reason != "order" and both_speak:
             self.disputed_s = now_s
         return TWO_SENDERS if self.is_disputed(now_s) else reason
 
@@ -122,16 +133,6 @@ class Sender:
         self._contents[number] = content
         if len(self._contents) > _REMEMBERED:
             self._contents.popitem(last=False)
-
-    def _both_speak(self, now_s: float) -> bool:
-        """Whether the stream went on after a steady rival had begun, and both were heard just now."""
-        current = self.current
-        rival = self.rival
-        if current is None or rival is None or rival.messages < STEADY:
-            return False
-        if not current.is_heard(now_s) or not rival.is_heard(now_s):
-            return False
-        return current.heard_s > rival.begun_s
 
     def _rivals(self, now_s: float, epoch: int, number: int) -> str:
         """Take a message of another stream if that one takes over."""

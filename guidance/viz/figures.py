@@ -382,7 +382,14 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     for j in range(len(teams.evaders_m)):
         _draw_region(axes, scenario, matching, j)
     _draw_players(axes, teams, rollout)
-    _draw_target(axes, scenario)
+    # The target of all evaders, and the edge of its shape.
+    place_m = target_game_m(scenario)
+    if place_m is not None:
+        cross: Style = {"markeredgecolor": "white", "zorder": 5, "linestyle": "none"}
+        x, y, _ = place_m
+        axes.plot(x, y, "kX", markersize=14, **cross, label="T, target")
+        edge_x, edge_y, *_ = target_edge(place_m, target_extent(scenario)).T
+        axes.plot(edge_x, edge_y, color=TARGET["color"])
     label_plan(axes, adjustable="datalim")
     axes.set_axisbelow(True)
     figure.suptitle(scenario.title, fontsize=13)
@@ -495,15 +502,3 @@ def _draw_players(axes: Any, teams: Teams, rollout: TeamRollout) -> None:  # noq
         evader_mark = marker_style | {"color": colour, "markersize": 11}
         axes.plot([x], [y], "o", **evader_mark, label="evader")
         axes.annotate(f"E{j}", (x, y), xytext=(8, 6), color=colour, **beside)
-
-
-def _draw_target(axes: Any, scenario: TeamScenario) -> None:  # noqa: ANN401 - matplotlib's
-    """Draw the target of all evaders, and the edge of its shape."""
-    place_m = target_game_m(scenario)
-    if place_m is None:
-        return
-    cross = {"markeredgecolor": "white", "zorder": 5, "linestyle": "none"}
-    x, y, _ = place_m
-    axes.plot(x, y, "kX", markersize=14, **cross, label="T, target")
-    edge_x, edge_y, *_ = target_edge(place_m, target_extent(scenario)).T
-    axes.plot(edge_x, edge_y, color=TARGET["color"])

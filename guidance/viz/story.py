@@ -393,7 +393,19 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         math.inf if flight.engaged is None else flight.engaged.now_s for flight in flights.values()
     ]
     began_s = max(engaged_s)
-    promised = _promises_at(began_s, _announcements(flights.values()))
+    # The last promises up to that time, by evader, each with the cause that was announced last.
+    announcements = _announcements(flights.values())
+    promises: Sequence[Promise] = ()
+    causes = dict[str, str]()
+    for now_s, roles in announcements:
+        if now_s <= began_s:
+            promises = roles.promises
+        for promise in roles.promises:
+            causes[promise.evader] = promise.cause
+    promised = dict[str, Promise]()
+    for promise in promises:
+        last_cause = causes[promise.evader]
+        promised[promise.evader] = promise.model_copy(update={"cause": last_cause})
     replays = {name: compare(path, recorded_settings)[0] for name, path in records.items()}
     return TeamStory(flights, replays, promised, captures, began_s)
 
@@ -410,24 +422,6 @@ def _announcements(flights: Iterable[Story]) -> list[tuple[float, RolesMessage]]
         key=lambda announcement: (announcement[0], announcement[1].term, announcement[1].seq)
     )
     return announcements
-
-
-def _promises_at(
-    began_s: float, announcements: Sequence[tuple[float, RolesMessage]]
-) -> dict[str, Promise]:
-    """Return the last promises up to a time, by evader; each with the cause that was announced last."""
-    promises: Sequence[Promise] = ()
-    causes = dict[str, str]()
-    for now_s, roles in announcements:
-        if now_s <= began_s:
-            promises = roles.promises
-        for promise in roles.promises:
-            causes[promise.evader] = promise.cause
-    promised = dict[str, Promise]()
-    for promise in promises:
-        last_cause = causes[promise.evader]
-        promised[promise.evader] = promise.model_copy(update={"cause": last_cause})
-    return promised
 
 
 def captures_of(flights: Mapping[str, Story]) -> dict[str, Capture]:
@@ -463,19 +457,12 @@ def team_opening_words(team: TeamStory) -> str:
     vehicles = ", ".join(team.flights)
     evaders = ", ".join(team.evaders)
     captures = f"{len(team.captures)} of {len(team.evaders)} evaders were captured"
-    sentences = (
-        f"{team.first.title}: {vehicles} flew for {lasted_s:.0f} s against {evaders}.",
-        f"At engagement the team promised {len(promised)} captures;",
-        f"{kept_count} promises were kept, and {captures}.",
-        f"Vehicles less than {separation.separation_height_m:g} m apart in height",
-        f"{_apart(team, separation)} ({separation.separation_m:g} m wanted).",
-        f"{_alarms(team)}; {_replayed(team)}, with its mates and assignments.",
-    )
-    return " ".join(sentences)
-
-
-def _apart(team: TeamStory, separation: TeamSection) -> str:
-    """Say how close vehicles of about one height came."""
+    differing = [name for name, comparison in team.replays.items() if comparison.differing]
+    if differing:
+        replay_words = f"{', '.join(differing)} replays differently"
+    else:
+        replay_words = "every vehicle replays bit for bit"
+    # How close vehicles of about one height came.
     tracks = []
     for flight in team.flights.values():
         samples = zip(flight.rows, flight.cycles, strict=True)
@@ -484,7 +471,18 @@ def _apart(team: TeamStory, separation: TeamSection) -> str:
         }
         tracks.append(track)
     least_m = least_distance_m(tracks, separation.separation_height_m)
-    return "never flew at one height" if math.isinf(least_m) else f"stayed {least_m:.1f} m apart"
+    apart_words = (
+        "never flew at one height" if math.isinf(least_m) else f"stayed {least_m:.1f} m apart"
+    )
+    sentences = (
+        f"{team.first.title}: {vehicles} flew for {lasted_s:.0f} s against {evaders}.",
+        f"At engagement the team promised {len(promised)} captures;",
+        f"{kept_count} promises were kept, and {captures}.",
+        f"Vehicles less than {separation.separation_height_m:g} m apart in height",
+        f"{apart_words} ({separation.separation_m:g} m wanted).",
+        f"{_alarms(team)}; {replay_words}, with its mates and assignments.",
+    )
+    return " ".join(sentences)
 
 
 def _alarms(team: TeamStory) -> str:
@@ -495,13 +493,6 @@ def _alarms(team: TeamStory) -> str:
         case 1:
             return "1 alarm"
     return f"{count} alarms"
-
-
-def _replayed(team: TeamStory) -> str:
-    differing = [name for name, comparison in team.replays.items() if comparison.differing]
-    if differing:
-        return f"{', '.join(differing)} replays differently"
-    return "every vehicle replays bit for bit"
 
 
 def team_summary(team: TeamStory) -> Iterator[TableRow]:

@@ -142,7 +142,18 @@ def entity_path(name: str, vehicle: str) -> str:
 
 def layout(vehicles: Sequence[str], *, with_target: bool) -> rrb.Blueprint:
     """Return the blueprint for these vehicles ("" is one alone); `with_target` selects the guarantee's unit."""
-    space = _space(vehicles)
+    # In space tracks are drawn up to the time that is shown.
+    pursuer_tracks = [entity_path(f"{PURSUER}/track", vehicle) for vehicle in vehicles]
+    evader_tracks = [entity_path(f"{EVADER}/track", vehicle) for vehicle in vehicles]
+    start = rrb.TimeRangeBoundary.infinite()
+    end = rrb.TimeRangeBoundary.cursor_relative()
+    until_now = rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end)
+    styles: dict[Any, Any] = dict.fromkeys(pursuer_tracks + evader_tracks, until_now)
+    eye = rrb.EyeControls3D(
+        position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
+    )
+    name = "The game: x east, y north, z up, m"
+    space = rrb.Spatial3DView(origin="game", name=name, eye_controls=eye, overrides=styles)
     guarantee = "Guarantee L, m from T" if with_target else "Guarantee V + t, s"
     plots = [
         rrb.TimeSeriesView(origin=path, name=title or guarantee) for path, title in PLOTS.items()
@@ -154,21 +165,6 @@ def layout(vehicles: Sequence[str], *, with_target: bool) -> rrb.Blueprint:
     selection = rrb.SelectionPanel(state="hidden")
     blueprint = rrb.BlueprintPanel(state="hidden")
     return rrb.Blueprint(views, time, selection, blueprint)
-
-
-def _space(vehicles: Sequence[str]) -> rrb.Spatial3DView:
-    """Return the view in space; tracks are drawn up to the time that is shown."""
-    pursuer_tracks = [entity_path(f"{PURSUER}/track", vehicle) for vehicle in vehicles]
-    evader_tracks = [entity_path(f"{EVADER}/track", vehicle) for vehicle in vehicles]
-    start = rrb.TimeRangeBoundary.infinite()
-    end = rrb.TimeRangeBoundary.cursor_relative()
-    until_now = rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end)
-    styles: dict[Any, Any] = dict.fromkeys(pursuer_tracks + evader_tracks, until_now)
-    eye = rrb.EyeControls3D(
-        position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
-    )
-    name = "The game: x east, y north, z up, m"
-    return rrb.Spatial3DView(origin="game", name=name, eye_controls=eye, overrides=styles)
 
 
 class Painter:

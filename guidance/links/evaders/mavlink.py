@@ -199,22 +199,19 @@ class MavlinkEvader:
             return []
         impostors = self._impostors
         self._impostors = 0
+        # The clock reading nearest to the last one, so that a late report stays before a wrap.
+        sent_s = report.sent_s
+        if not math.isnan(sent_s):
+            if self._sent_s is not None:
+                period_s = self.carrier.period_s
+                sent_s += period_s * round((self._sent_s - sent_s) / period_s)
+            self._sent_s = sent_s
         report = report._replace(
-            sent_s=self._unwrapped(report.sent_s),
+            sent_s=sent_s,
             sequence=frame.sequence,
             impostors=impostors if impostors > 0 else None,
         )
         return [report if self._answer is None else self._with_answer(report, self._answer)]
-
-    def _unwrapped(self, sent_s: float) -> float:
-        """Return the clock reading nearest to the last one, so that a late report stays before a wrap."""
-        if math.isnan(sent_s):
-            return sent_s
-        if self._sent_s is not None:
-            period_s = self.carrier.period_s
-            sent_s += period_s * round((self._sent_s - sent_s) / period_s)
-        self._sent_s = sent_s
-        return sent_s
 
     def _with_answer(self, report: EvaderReport, answer: Timesync) -> EvaderReport:
         self._answer = None

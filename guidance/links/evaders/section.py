@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
 from guidance.config import Altitude, Extended, Latitude, Longitude, Section, SystemId
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.evaders.kinds import EVADER_KINDS, EvaderKind, EvaderKindName, evader_kind
+from guidance.links.evaders.kinds import EVADER_KINDS, EvaderKindName, evader_kind
 from guidance.links.port import taken_apart
 from guidance.messages import Datum
 
@@ -155,7 +155,12 @@ class EvaderSection(Extended):
                 f"frame.{name}": getattr(self.frame, name) for name in self.frame.model_fields_set
             }
         values = {name: value for name, value in values.items() if value is not None}
-        for key, reason in self._needed(kind).items():
+        # The whole frame instead of its keys if it is missing.
+        if self.frame is not None:
+            needed = dict(kind.needs)
+        else:
+            needed = {key.partition(".")[0]: reason for key, reason in kind.needs.items()}
+        for key, reason in needed.items():
             if key not in values:
                 yield f"evader.{key}: missing; {says} {reason}"
         for key in sorted(values.keys() - kind.keys):
@@ -171,9 +176,3 @@ class EvaderSection(Extended):
                 reason = "altitudes above mean sea level do not use it"
                 remedy = 'remove it, or set evader.altitude_datum = "ellipsoid"'
                 yield f"evader.frame.undulation_m = {undulation_m:g}: not allowed; {reason}: {remedy}"
-
-    def _needed(self, kind: EvaderKind) -> dict[str, str]:
-        """Return the needed keys and why; the whole frame instead of its keys if it is missing."""
-        if self.frame is not None:
-            return dict(kind.needs)
-        return {key.partition(".")[0]: reason for key, reason in kind.needs.items()}

@@ -360,28 +360,25 @@ class Px4Link:
             if request.params[0] in _ASKED_BESIDE:
                 self._request_beside(request)
         elif request.command != MAV_CMD_SET_MESSAGE_INTERVAL:  # PX4 sends everything here
-            self._command(request)
+            if any(math.isinf(value) for value in request.params):
+                raise ValueError(f"command {request.command}: infinite values are not allowed")
+            changes_mode = request.command == MAV_CMD_DO_SET_MODE
+            with self._lock:
+                if changes_mode and request.params[:3] == _OWN_MODE_PARAMS:
+                    entering = self.mode.enter()
+                    outgoing = [] if entering is None else [entering]
+                else:
+                    outgoing = [self.mode.command(request.command, *request.params)]
+                    if changes_mode:
+                        outgoing = [*self.mode.completed(), *outgoing]
+            self._send_all(outgoing)
+            self.counts["requests_sent"] += len(outgoing)
 
     def _request_beside(self, request: messages.Request) -> None:
         if self._beside is None:
             self.counts["requests_unsupported"] += 1
         else:
             self._beside.request(request)
-
-    def _command(self, command: messages.Command) -> None:
-        if any(math.isinf(value) for value in command.params):
-            raise ValueError(f"command {command.command}: infinite values are not allowed")
-        changes_mode = command.command == MAV_CMD_DO_SET_MODE
-        with self._lock:
-            if changes_mode and command.params[:3] == _OWN_MODE_PARAMS:
-                entering = self.mode.enter()
-                outgoing = [] if entering is None else [entering]
-            else:
-                outgoing = [self.mode.command(command.command, *command.params)]
-                if changes_mode:
-                    outgoing = [*self.mode.completed(), *outgoing]
-        self._send_all(outgoing)
-        self.counts["requests_sent"] += len(outgoing)
 
     def tell(self, readiness: Readiness) -> None:
         """Answer arming checks by this from now on."""

@@ -199,7 +199,11 @@ class FlightMode:
         """Take a message of PX4, and return the answers, which are due at once."""
         match topic:
             case "vehicle_status":
-                return self._take_status(fields)
+                before = self.status
+                self.status = fields
+                if before is not None and fields.timestamp + _REBOOT_US < before.timestamp:
+                    self._begin_again()
+                return []
             case "register_ext_component_reply":
                 return self._take_reply(fields)
             case "arming_check_request":
@@ -220,13 +224,6 @@ class FlightMode:
         return Timesync(
             received_s, remote_ns=fields.timestamp * 1000, local_ns=round(asked_s * 1e9)
         )
-
-    def _take_status(self, status: Fields) -> list[Outgoing]:
-        before = self.status
-        self.status = status
-        if before is not None and status.timestamp + _REBOOT_US < before.timestamp:
-            self._begin_again()
-        return []
 
     def _begin_again(self) -> None:
         self.registration = None

@@ -60,7 +60,25 @@ def make_keys(
     private_folder(folder)
     written: list[Path] = []
     if (folder / f"{AUTHORITY}.pem").exists():
-        authority = _read(folder)
+        path = folder / f"{AUTHORITY}.key"
+        try:
+            key = serialization.load_pem_private_key(read_text(path).encode(), None)
+            certificate = x509.load_pem_x509_certificate(
+                read_text(folder / f"{AUTHORITY}.pem").encode()
+            )
+        except OSError as error:
+            need = "certificates need the authority's key"
+            raise ConfigError(f"{path}: cannot be read ({error.strerror}); {need}") from error
+        except (ValueError, TypeError) as error:
+            raise ConfigError(
+                f"{path} and its .pem: not a key and certificate in PEM ({error})"
+            ) from error
+        if (
+            not isinstance(key, ec.EllipticCurvePrivateKey)
+            or certificate.public_key() != key.public_key()
+        ):
+            raise ConfigError(f"{path}: is not the key of {AUTHORITY}.pem")
+        authority = KeyPair(key, certificate)
     else:
         authority = _new_certificate(
             None, "pursuit guidance test authority", validity, [(_SIGNING, True)]
@@ -133,25 +151,3 @@ def _write(folder: Path, name: str, pair: KeyPair) -> list[Path]:
     )
     private_file(certificate).write_bytes(pair.certificate.public_bytes(pem))
     return [certificate, key]
-
-
-def _read(folder: Path) -> KeyPair:
-    path = folder / f"{AUTHORITY}.key"
-    try:
-        key = serialization.load_pem_private_key(read_text(path).encode(), None)
-        certificate = x509.load_pem_x509_certificate(
-            read_text(folder / f"{AUTHORITY}.pem").encode()
-        )
-    except OSError as error:
-        need = "certificates need the authority's key"
-        raise ConfigError(f"{path}: cannot be read ({error.strerror}); {need}") from error
-    except (ValueError, TypeError) as error:
-        raise ConfigError(
-            f"{path} and its .pem: not a key and certificate in PEM ({error})"
-        ) from error
-    if (
-        not isinstance(key, ec.EllipticCurvePrivateKey)
-        or certificate.public_key() != key.public_key()
-    ):
-        raise ConfigError(f"{path}: is not the key of {AUTHORITY}.pem")
-    return KeyPair(key, certificate)

@@ -121,7 +121,17 @@ def open_router(path: Path, keys: Path | None = None, listen: str | None = None)
         if listen is not None:
             config.insert_json5("listen/endpoints", json.dumps([listen]))
         if keys is not None:
-            _use_keys(config, keys.absolute())
+            keys = keys.absolute()
+            for key, name in (
+                ("root_ca_certificate", f"{AUTHORITY}.pem"),
+                ("listen_certificate", f"{ROUTER}.pem"),
+                ("listen_private_key", f"{ROUTER}.key"),
+            ):
+                if not (keys / name).is_file():
+                    raise ConfigError(
+                        f"--keys {keys}: {name} is missing; create it with guidance zenoh keys"
+                    )
+                config.insert_json5(f"transport/link/tls/{key}", json.dumps(str(keys / name)))
     except zenoh.ZError as error:
         raise ConfigError(f"{path}: not a Zenoh configuration ({_short(error)})") from error
     try:
@@ -129,19 +139,6 @@ def open_router(path: Path, keys: Path | None = None, listen: str | None = None)
     except zenoh.ZError as error:
         ask = "is its port in use, and do its certificates exist? Name their folder with --keys"
         raise LinkError(f"{path}: the router cannot listen ({_short(error)}); {ask}") from error
-
-
-def _use_keys(config: "zenoh.Config", keys: Path) -> None:
-    for key, name in (
-        ("root_ca_certificate", f"{AUTHORITY}.pem"),
-        ("listen_certificate", f"{ROUTER}.pem"),
-        ("listen_private_key", f"{ROUTER}.key"),
-    ):
-        if not (keys / name).is_file():
-            raise ConfigError(
-                f"--keys {keys}: {name} is missing; create it with guidance zenoh keys"
-            )
-        config.insert_json5(f"transport/link/tls/{key}", json.dumps(str(keys / name)))
 
 
 def _short(error: Exception) -> str:

@@ -1,7 +1,7 @@
 """The daemon of one vehicle. Each cycle takes orders, steps the flight, then gives answers, status, log and metrics."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -24,7 +24,7 @@ from guidance.session.fly.order_desk import OrderDesk
 from guidance.session.fly.preflight_survey import PreflightSurvey
 from guidance.session.observe.recording import Recording
 from guidance.session.observe.refused import RefusedFrames, RefusedReports
-from guidance.session.orders.mailbox import Mailbox, Question
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.orders.words import ALIVE
 from guidance.session.plan import FlightPlan
 from guidance.strategies.own import Ask
@@ -119,23 +119,8 @@ class Daemon:
 
     def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
         """Run one cycle; `timing` is how the loop kept time."""
+        # Read everything that the cycle sees, and send our HEARTBEAT once a second.
         orders, queries = self._desk.take(now_s)
-        self.inputs = self._read(now_s, orders, queries)
-        outputs = self.outputs = self.flight.step(now_s, self.inputs)
-        if outputs.answer is not None:  # a replay does not run the policy
-            self.inputs = self.inputs._replace(answer=outputs.answer)
-        self._write(now_s, outputs, timing)
-        self._tell_news(now_s, outputs)
-        self._desk.answer(now_s, orders, queries, outputs)
-        self.survey.step(now_s, self.inputs, self._problems.values(), engaging=self._desk.reading)
-        self._report(now_s, outputs, timing)
-        self.finished = self._desk.finished(now_s)
-        return outputs
-
-    def _read(
-        self, now_s: float, orders: Sequence[Question], queries: Sequence[Question]
-    ) -> Inputs:
-        """Read everything that one cycle sees, and send our HEARTBEAT once a second."""
         people = [
             Event(question.order) for question in orders if question.authority is Authority.OPERATOR
         ]
@@ -156,15 +141,30 @@ class Daemon:
             reports = [report._replace(evader=name) for name, report in named_reports]
             mates, role, relayed = self.team.hear(now_s, self.flight, reports)
             reports += relayed
-        return Inputs(messages, reports, people, bars, alive, mission, mates, role)
+        self.inputs = Inputs(messages, reports, people, bars, alive, mission, mates, role)
 
-    def _write(self, now_s: float, outputs: Outputs, timing: Timing) -> None:
-        """Send the flight's outputs, the setpoint first: everything else can wait a millisecond."""
+        outputs = self.outputs = self.flight.step(now_s, self.inputs)
+        if outputs.answer is not None:  # a replay does not run the policy
+            self.inputs = self.inputs._replace(answer=outputs.answer)
+
+        # The setpoint first: everything else can wait a millisecond.
         if outputs.setpoint is not None:
             self._link.send_setpoint(outputs.setpoint)
         for request in outputs.requests:
             self._link.request(request)
+
         self.recording.cycle(now_s, self.inputs, outputs, timing)
+        self._tell_news(now_s, outputs)
+        self._desk.answer(now_s, orders, queries, outputs)
+        self.survey.step(now_s, self.inputs, self._problems.values(), engaging=self._desk.reading)
+        changed = any(happening.after is not happening.before for happening in outputs.happenings)
+        counters = None
+        if now_s - self._shown_s >= SHOWN_EVERY_S or changed:
+            self._shown_s = now_s
+            counters = self._counters(now_s)
+        self.recording.report(now_s, self.flight, outputs, timing, counters)
+        self.finished = self._desk.finished(now_s)
+        return outputs
 
     def _tell_news(self, now_s: float, outputs: Outputs) -> None:
         """Tell the mates about this cycle, and people what the mates told and what of evaders' reports is not used."""
@@ -227,15 +227,6 @@ class Daemon:
             self.recording.say(logging.INFO, RELOADED)
             self.recording.event(now_s, RELOADED, self.plan.document)
 
-    def _report(self, now_s: float, outputs: Outputs, timing: Timing) -> None:
-        """Report the cycle, with counters once a second and when the state changes."""
-        changed = any(happening.after is not happening.before for happening in outputs.happenings)
-        counters = None
-        if now_s - self._shown_s >= SHOWN_EVERY_S or changed:
-            self._shown_s = now_s
-            counters = self._counters(now_s)
-        self.recording.report(now_s, self.flight, outputs, timing, counters)
-
     def _counters(self, now_s: float) -> Mapping[str, Mapping[str, int]]:
         """Return the counters of the vehicle's link, of orders, of each evader's source and of the team."""
         vehicle_counters = {
@@ -249,16 +240,9 @@ class Daemon:
         counters = {
             "vehicle": vehicle_counters,
             "orders": {"oversized": self.mailbox.oversized},
-            **self._evader_counters(now_s),
         }
-        if self.team is not None:
-            counters["team"] = self.team.board.counts
-        return counters
-
-    def _evader_counters(self, now_s: float) -> dict[str, Mapping[str, int]]:
-        """Return the counters of each evader: its source's, and the reports that its track dropped."""
+        # Of each evader: its source's counts, and the reports that its track dropped.
         tracking = self.flight.tracking
-        counters = dict[str, Mapping[str, int]]()
         for source_name, source in self._evaders.items():
             evader = "" if self.team is None else source_name
             counted = source.counters()
@@ -277,4 +261,6 @@ class Daemon:
                 f"dropped_{outcome}": count for outcome, count in tracking.dropped(evader).items()
             }
             counters[source_name] = {**counted, **dropped}
+        if self.team is not None:
+            counters["team"] = self.team.board.counts
         return counters

@@ -15,7 +15,7 @@ from guidance.autopilots.description import MAV_CMD_COMPONENT_ARM_DISARM
 from guidance.clock import Clock
 from guidance.cycle import Certificate
 from guidance.errors import FlightError
-from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, Event, Outputs, State
+from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, Event, State
 from guidance.frames import Enu
 from guidance.links.world import World
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
@@ -341,32 +341,22 @@ class VehicleMission:
         if self.engaged_s is not None and state in PLAYING:
             time_is_up = now_s - self.engaged_s > self.pursuit.scenario.time_limit_s
         else:
-            time_is_up = self._in_state_s(now_s) >= self._stay_s(state, back=back)
+            # How long the mission stays in a state.
+            if state is State.ON_STATION:
+                stay_s = self.pursuit.scenario.hold_s
+            elif state is State.STANDING_BY and back:
+                stay_s = CONTACT_PATIENCE_S
+            else:
+                stay_s = LINGER_S if state in {State.HOLDING, State.STANDING_BY} else math.inf
+            time_is_up = self._in_state_s(now_s) >= stay_s
         if not time_is_up:
             return None
         return Event.LAND if self._policy.end_with is None else self._policy.end_with
-
-    def _stay_s(self, state: State, *, back: bool) -> float:
-        """Return how long the mission stays in a state; `back`: in contact again."""
-        if state is State.ON_STATION:
-            return self.pursuit.scenario.hold_s
-        if state is State.STANDING_BY and back:
-            return CONTACT_PATIENCE_S
-        return LINGER_S if state in {State.HOLDING, State.STANDING_BY} else math.inf
 
     def _in_state_s(self, now_s: float) -> float:
         """Return how long the flight has been in its state, s; if an operator ordered it again, since then."""
         cause = self.daemon.flight.cause
         return 0.0 if cause is None else now_s - cause.now_s
-
-    def _ended(self, now_s: float) -> bool:
-        """Return whether the flight is over, or stays too long in a state."""
-        flight = self.daemon.flight
-        lasts_s = self._in_state_s(now_s)
-        if flight.state is State.YIELDED:
-            return lasts_s >= LINGER_S  # the record then shows the silence
-        limit_s = PATIENCE_S.get(flight.state, math.inf) if self._policy.engage else math.inf
-        return flight.state in FINAL or (lasts_s > limit_s and not flight.ordered_by_operator)
 
     def after(self, now_s: float, late_s: float, evader_game_m: Enu | None) -> None:
         """Follow a cycle.
@@ -395,43 +385,45 @@ class VehicleMission:
             if outputs.state in BEFORE_FLIGHT:
                 self._judge(now_s)
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
-        if self._ended(now_s) or given_up:
+        flight = self.daemon.flight
+        lasts_s = self._in_state_s(now_s)
+        if flight.state is State.YIELDED:
+            ended = lasts_s >= LINGER_S  # the record then shows the silence
+        else:
+            limit_s = PATIENCE_S.get(flight.state, math.inf) if self._policy.engage else math.inf
+            ended = flight.state in FINAL or (lasts_s > limit_s and not flight.ordered_by_operator)
+        if ended or given_up:
             self._leave(now_s)
         if self._mission.show is not None and (
             outputs.happenings or now_s - self._shown_s >= SHOWN_EVERY_S
         ):
             self._shown_s = now_s
-            self._mission.show(self._progress(now_s, outputs))
-
-    def _progress(self, now_s: float, outputs: Outputs) -> Progress:
-        flight = self.daemon.flight
-        team = self.daemon.team
-        unit = "s" if self.pursuit.scenario.target is None else "m"
-        promise_words = ""
-        if team is not None and team.board.roles is not None:
-            promises = team.board.roles.promises
-            promise_words = next(
-                (promise.words(unit) for promise in promises if promise.evader == self.evader), ""
+            team = self.daemon.team
+            unit = "s" if self.pursuit.scenario.target is None else "m"
+            promise_words = ""
+            if team is not None and team.board.roles is not None:
+                promises = team.board.roles.promises
+                promise_words = next(
+                    (promise.words(unit) for promise in promises if promise.evader == self.evader),
+                    "",
+                )
+            cause = "" if outputs.cause is None else outputs.cause.words
+            against = "" if team is None else self.evader
+            progress = Progress(
+                now_s,
+                outputs.state,
+                flight.mode_title,
+                outputs.certificate,
+                unit,
+                self.result.record_stopped,
+                self._waiting(now_s),
+                cause,
+                next_words(flight),
+                self.pursuit.vehicle,
+                against,
+                promise_words,
             )
-        cause = "" if outputs.cause is None else outputs.cause.words
-        against = "" if team is None else self.evader
-        flight_fields = (
-            now_s,
-            outputs.state,
-            flight.mode_title,
-            outputs.certificate,
-            unit,
-            self.result.record_stopped,
-        )
-        return Progress(
-            *flight_fields,
-            self._waiting(now_s),
-            cause,
-            next_words(flight),
-            self.pursuit.vehicle,
-            against,
-            promise_words,
-        )
+            self._mission.show(progress)
 
     def _waiting(self, now_s: float) -> str:
         """Say briefly why a vehicle that preflight judges is not ready; empty if it is, and for any other."""

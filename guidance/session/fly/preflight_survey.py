@@ -93,11 +93,23 @@ class PreflightSurvey:
             for problem in source_problems
             if problem
         ]
+        # What the vehicle's link knows against a flight.
+        link_rows = []
+        problem = self._link.problem() if isinstance(self._link, TellsProblem) else ""
+        if problem:
+            link_rows.append(
+                Finding("link", problem, "no problem", Verdict.REFUSE, "guidance tries again")
+            )
+        unsaved = self._link.counters().get("used_unsaved", 0)
+        if unsaved:
+            words = f"{unsaved} frames were used whose timestamps are not on disk"
+            remedy = "after a crash they can be replayed: make $STATE_DIRECTORY or ~/.local/state writable"
+            link_rows.append(Finding("signing", words, "on disk", Verdict.WARN, remedy))
         self.rows = (
             *rows(facts, flight.settings.autopilot, self.wants),
             *self._recording.rows(),
             *sources,
-            *self._link_rows(),
+            *link_rows,
         )
         refused = refusals(self.rows)
         if refused != self._refused and self.memory.settled(now_s):
@@ -105,18 +117,3 @@ class PreflightSurvey:
             if refused:
                 lacking = missing(flight, now_s, self.rows)
                 self._recording.say(logging.WARNING, "not ready", missing=lacking)
-
-    def _link_rows(self) -> list[Finding]:
-        """Return what the vehicle's link knows against a flight."""
-        found = []
-        problem = self._link.problem() if isinstance(self._link, TellsProblem) else ""
-        if problem:
-            found.append(
-                Finding("link", problem, "no problem", Verdict.REFUSE, "guidance tries again")
-            )
-        unsaved = self._link.counters().get("used_unsaved", 0)
-        if unsaved:
-            words = f"{unsaved} frames were used whose timestamps are not on disk"
-            remedy = "after a crash they can be replayed: make $STATE_DIRECTORY or ~/.local/state writable"
-            found.append(Finding("signing", words, "on disk", Verdict.WARN, remedy))
-        return found

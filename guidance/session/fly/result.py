@@ -178,13 +178,34 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
             (happening for happening in reversed(result.happenings) if begins_game(happening)), None
         )
     ) is None:
-        return _never_engaged(result, way)
+        ends = {State.HOLDING, State.LANDING, State.RETURNING, State.YIELDED, State.FAILED}
+        cause = next(
+            (happening for happening in result.happenings if happening.after in ends), None
+        )
+        end = "yielded" if cause is not None and cause.event is Event.PILOT else "failed"
+        reason = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
+        if cause is not None and cause.event is Event.TIMED_OUT and cause.detail:
+            reason += f" ({cause.detail})"
+        reason += f'; the autopilot said "{result.said}"' if result.said else ""
+        return outcome_of(
+            result.scenario,
+            way,
+            end=end,
+            duration_s=result.duration_s,
+            reason=f"never engaged: {reason}",
+        )
     since_engagement = [
         happening for happening in result.happenings if happening.now_s > began.now_s
     ]
     end, end_s, reason = _ending(result, since_engagement)
     game = [sample for sample in result.samples if began.now_s <= sample.now_s <= end_s]
-    predicted, winner = _predicted(result)
+    # Where the evader was too fast, the game has no value.
+    value = math.nan
+    winner = "none"
+    if result.engaged is not None:
+        solution = predicted(result.cycle, result.engaged)
+        value = float(solution.value)
+        winner = winner_name(int(solution.winner))
     distances: Mapping[str, Any] = {}
     if game:
         distances = distances_of(scenario, game[-1].pursuer_m, game[-1].evader_m)
@@ -194,7 +215,7 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         end=end,
         game_time_s=end_s - began.now_s,
         **distances,
-        predicted=predicted,
+        predicted=value,
         predicted_winner=winner,
         time_needed_s=math.nan if result.engaged is None else result.engaged.time_needed_s,
         min_standoff_m=min(
@@ -278,33 +299,8 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, flo
     )
 
 
-def _never_engaged(result: FlightResult, way: str) -> Outcome:
-    ends = {State.HOLDING, State.LANDING, State.RETURNING, State.YIELDED, State.FAILED}
-    cause = next((happening for happening in result.happenings if happening.after in ends), None)
-    end = "yielded" if cause is not None and cause.event is Event.PILOT else "failed"
-    reason = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
-    if cause is not None and cause.event is Event.TIMED_OUT and cause.detail:
-        reason += f" ({cause.detail})"
-    reason += f'; the autopilot said "{result.said}"' if result.said else ""
-    return outcome_of(
-        result.scenario,
-        way,
-        end=end,
-        duration_s=result.duration_s,
-        reason=f"never engaged: {reason}",
-    )
-
-
 def _unfinished(result: FlightResult) -> str:
     return f"still {result.ended} when the run was given up"
-
-
-def _predicted(result: FlightResult) -> tuple[float, str]:
-    """Return the value and the winner of the game where it began; NaN where the evader was too fast for one."""
-    if result.engaged is None:
-        return math.nan, "none"
-    solution = predicted(result.cycle, result.engaged)
-    return float(solution.value), winner_name(int(solution.winner))
 
 
 def predicted(cycle: CycleSettings, engaged: Certificate) -> Solution:

@@ -63,39 +63,28 @@ class FlightModeOutput(Sink):
                 self._status_s = now_s
                 self._status = self._mailbox.ask(STATUS)
         self._link.tell(Readiness(now_s, checks_of(flight, now_s, self._refused)))
-        self._follow(flight)
-
-    def _follow(self, flight: Flight) -> None:
-        """Order what the pilot's choice of the mode means; see the module."""
         chosen = flight.heard.mode is Mode.GUIDED and flight.vehicle.armed
         is_new = chosen and not self._was_chosen
         self._was_chosen = chosen
         if not chosen or flight.state in SETPOINT_STATES:
             self._asked = None
-            return
-        if is_new:
-            order = _order_of(flight)
+        elif is_new:
+            # The order that a new choice of the mode means; None if guidance itself asked for the mode.
+            if flight.state in {State.STANDING_BY, State.HOLDING}:
+                order = Event.ENGAGE
+            elif flight.state in {State.CONNECTING, State.CHECKING, State.READY}:
+                order = Event.START
+            else:
+                order = None
             self._asked = None if order is None else self._mailbox.ask(order, PILOT)
-            return
-        if self._asked is None or not self._asked.done():
-            return
-        answered = self._asked
-        self._asked = None
-        if answered.order == Event.HOLD:
-            return
-        if not answered.result()["accepted"]:
-            self._asked = self._mailbox.ask(Event.HOLD, PILOT)
-        elif answered.order == Event.START and flight.state is State.STANDING_BY:
-            self._asked = self._mailbox.ask(Event.ENGAGE, PILOT)
-
-
-def _order_of(flight: Flight) -> Event | None:
-    """Return the order that a new choice of the mode means; None if guidance itself asked for the mode."""
-    if flight.state in {State.STANDING_BY, State.HOLDING}:
-        return Event.ENGAGE
-    if flight.state in {State.CONNECTING, State.CHECKING, State.READY}:
-        return Event.START
-    return None
+        elif self._asked is not None and self._asked.done():
+            answered = self._asked
+            self._asked = None
+            if answered.order != Event.HOLD:
+                if not answered.result()["accepted"]:
+                    self._asked = self._mailbox.ask(Event.HOLD, PILOT)
+                elif answered.order == Event.START and flight.state is State.STANDING_BY:
+                    self._asked = self._mailbox.ask(Event.ENGAGE, PILOT)
 
 
 def checks_of(flight: Flight, now_s: float, refused: Sequence[str]) -> tuple[Check, ...]:

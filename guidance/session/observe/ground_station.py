@@ -14,7 +14,6 @@ from guidance.flight import (
     FINAL,
     Authority,
     Event,
-    Flight,
     FlightSettings,
     Happening,
     Outputs,
@@ -126,7 +125,22 @@ class GroundStationOutput(Sink):
             self._link.send_text(*text)
         if self._announce and now_s - self._evader_s >= EVADER_EVERY_S:
             self._evader_s = now_s
-            self._show_evaders(now_s, report.flight)
+            # An evader that is silent is not shown where it may no longer be.
+            tracking = report.flight.tracking
+            frame = tracking.local_frame
+            if frame is not None:
+                for name in evaders_of(report.flight.settings):
+                    evader = tracking.evader(now_s, name)
+                    if (
+                        evader is None
+                        or evader.age_s > report.flight.settings.cycle.evader_timeout_s
+                    ):
+                        continue
+                    position = frame.wgs84_from_ned(evader.position_ned_m)
+                    velocity_ned_m_s = evader.velocity_ned_m_s
+                    self._link.send_evader(
+                        name, position, velocity_ned_m_s, evader.age_s, self._call_sign
+                    )
 
     def over(self, _now_s: float, detail: str) -> None:
         """Say how the flight ended."""
@@ -204,20 +218,6 @@ class GroundStationOutput(Sink):
             words = f"guidance: {question.order} refused: {answer.get('reason', '')}"
             self._keep(now_s, _Text(WARNING, words))
 
-    def _show_evaders(self, now_s: float, flight: Flight) -> None:
-        """Announce every evader that reports. One that is silent is not shown where it may no longer be."""
-        tracking = flight.tracking
-        frame = tracking.local_frame
-        if frame is None:
-            return
-        for name in evaders_of(flight.settings):
-            evader = tracking.evader(now_s, name)
-            if evader is None or evader.age_s > flight.settings.cycle.evader_timeout_s:
-                continue
-            position = frame.wgs84_from_ned(evader.position_ned_m)
-            velocity_ned_m_s = evader.velocity_ned_m_s
-            self._link.send_evader(name, position, velocity_ned_m_s, evader.age_s, self._call_sign)
-
 
 def _ends_an_order(happening: Happening) -> bool:
     """Whether a change of the state ends what was ordered before."""
@@ -248,7 +248,16 @@ def texts_of(outputs: Outputs, unit: str) -> list[_Text]:
         texts.append(_Text(WARNING, f"guidance: alarm: {outputs.alarm.words}"))
     for happening in outputs.happenings:
         if happening.after is not happening.before:
-            words = f"guidance: {_change_words(happening, outputs.certificate, unit)}"
+            state = _WORDS.get(happening.after, str(happening.after))
+            if happening.by is Authority.OPERATOR:
+                change_words = f"{state} by operator"
+            elif happening.after is State.ENGAGED and outputs.certificate is not None:
+                change_words = f"{state}, {_promise_words(outputs.certificate, unit)}"
+            elif happening.event in SEVERE:
+                change_words = f"{state}: {happening.words}"
+            else:
+                change_words = state
+            words = f"guidance: {change_words}"
             texts.append(_Text(severity_of(happening), words))
         elif happening.event is Event.HOME_MOVED:
             texts.append(_Text(WARNING, f"guidance: {happening.words}"))
@@ -262,17 +271,6 @@ def severity_of(happening: Happening) -> int:
     if happening.event in SEVERE:
         return WARNING
     return NOTICE if happening.after in _LOUD else INFO
-
-
-def _change_words(happening: Happening, certificate: Certificate | None, unit: str) -> str:
-    state = _WORDS.get(happening.after, str(happening.after))
-    if happening.by is Authority.OPERATOR:
-        return f"{state} by operator"
-    if happening.after is State.ENGAGED and certificate is not None:
-        return f"{state}, {_promise_words(certificate, unit)}"
-    if happening.event in SEVERE:
-        return f"{state}: {happening.words}"
-    return state
 
 
 def _promise_words(certificate: Certificate, unit: str) -> str:

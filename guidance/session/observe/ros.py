@@ -133,7 +133,18 @@ class RosOutput(Sink):
         if session is None:
             return
         try:
-            node = self._appeared(session)
+            # Appear in the ROS graph with all topics and services.
+            vehicle = self._flight.name
+            node = RosNode(session, self._section.domain_id, f"/{vehicle}", NODE)
+            for topic in TOPICS:
+                depth = _TRANSFORMS_DEPTH if topic is TRANSFORMS else DEPTH
+                name = topic_name(vehicle, topic)
+                publisher = node.publisher(name, topic.type_name, depth)
+                self._by_name[name] = publisher
+                self.publishers[topic] = publisher
+            if self._section.orders:
+                for order in ORDERS:
+                    node.service(f"/{vehicle}/{order}", partial(self._hear, order))
             rounds = 0
             stopped = False
             while not stopped:
@@ -149,21 +160,6 @@ class RosOutput(Sink):
             self._log.warning("no more ROS 2 topics: %s", error)
         finally:
             close_all(session.close)
-
-    def _appeared(self, session: Session) -> RosNode:
-        """Appear in the ROS graph with all topics and services."""
-        vehicle = self._flight.name
-        node = RosNode(session, self._section.domain_id, f"/{vehicle}", NODE)
-        for topic in TOPICS:
-            depth = _TRANSFORMS_DEPTH if topic is TRANSFORMS else DEPTH
-            name = topic_name(vehicle, topic)
-            publisher = node.publisher(name, topic.type_name, depth)
-            self._by_name[name] = publisher
-            self.publishers[topic] = publisher
-        if self._section.orders:
-            for order in ORDERS:
-                node.service(f"/{vehicle}/{order}", partial(self._hear, order))
-        return node
 
     def _joined(self) -> Session | None:
         """Return a session on the router as soon as it answers; None at the end."""

@@ -1,6 +1,6 @@
 """Vehicles that run at URLs."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
@@ -128,16 +128,44 @@ class Asked:
             LinkError: If there is no vehicle.
         """
         pursuits = pursuits_and_team(scenario)[0]
-        separation = _separation(scenario)
+        # How far the vehicles of a team stay from each other.
+        if isinstance(scenario, Scenario):
+            separation = None
+        else:
+            keys = set(TeamSection.model_fields)
+            separation = scenario.flight.model_dump(include=keys)
         speeds_m_s = declared_m_s(pursuits)
         configs = dict[str, Config]()
-        radios, receivers = _radios(speeds_m_s, len(pursuits), clock)
+        # A wire for each evader, and the shares of its other end, one for each vehicle.
+        vehicles = len(pursuits)
+        radios = dict[str, Wire]()
+        receivers = dict[str, Iterator[Wire]]()
+        for name in speeds_m_s:
+            radio, receiver = MemoryWire.pair(clock.now_s)
+            radios[name] = radio
+            receivers[name] = iter(share(receiver, vehicles))
         beside = self.parameters if self.parameters else (None,) * len(self.urls)
         for pursuit, url, mavlink_url in zip(pursuits, self.urls, beside, strict=True):
             wire, vehicle = self._vehicle_at(url, mavlink_url, clock, world)
             team = None
             if separation is not None:
-                team = {**_team_keys(pursuit, pursuits, speeds_m_s), **separation}
+                simulated = {
+                    "kind": "global_position",
+                    "url": SIMULATED_URL,
+                    "system_id": EVADER_ID,
+                }
+                others = dict[str, dict[str, Any]]()
+                for name, speed_m_s in speeds_m_s.items():
+                    if name != pursuit.evader:
+                        others[name] = {**simulated, "speed_m_s": speed_m_s}
+                mates = [mate.vehicle for mate in pursuits if mate.vehicle != pursuit.vehicle]
+                team_keys = {
+                    "name": TEAM,
+                    "mates": mates,
+                    "evader": pursuit.evader,
+                    "evaders": others,
+                }
+                team = {**team_keys, **separation}
             config = config_of(pursuit.scenario, pursuit.vehicle, vehicle, team)
             configs[pursuit.vehicle] = config
             wires = dict[str, Wire]()
@@ -175,32 +203,6 @@ class Asked:
         return own_wire, Vehicle.model_validate({**keys, **ids, **more})
 
 
-def _radios(
-    evaders: Iterable[str], vehicles: int, clock: Clock
-) -> tuple[dict[str, Wire], dict[str, Iterator[Wire]]]:
-    """Return a wire for each evader, and the shares of its other end, one for each vehicle."""
-    radios = dict[str, Wire]()
-    receivers = dict[str, Iterator[Wire]]()
-    for name in evaders:
-        radio, receiver = MemoryWire.pair(clock.now_s)
-        radios[name] = radio
-        receivers[name] = iter(share(receiver, vehicles))
-    return radios, receivers
-
-
-def _team_keys(
-    pursuit: Pursuit, pursuits: Sequence[Pursuit], speeds_m_s: Mapping[str, float]
-) -> dict[str, Any]:
-    """Return the keys of a vehicle file's [team] section for one vehicle of a scenario's team."""
-    simulated = {"kind": "global_position", "url": SIMULATED_URL, "system_id": EVADER_ID}
-    others = dict[str, dict[str, Any]]()
-    for name, speed_m_s in speeds_m_s.items():
-        if name != pursuit.evader:
-            others[name] = {**simulated, "speed_m_s": speed_m_s}
-    mates = [mate.vehicle for mate in pursuits if mate.vehicle != pursuit.vehicle]
-    return {"name": TEAM, "mates": mates, "evader": pursuit.evader, "evaders": others}
-
-
 def _laid_where_they_stand(
     pursuits: Sequence[Pursuit],
     configs: Mapping[str, Config],
@@ -219,14 +221,6 @@ def _laid_where_they_stand(
         shared_site = scenario.model_copy(update={"site": site})
         laid.append(pursuit._replace(scenario=shared_site))
     return laid
-
-
-def _separation(scenario: FlyableScenario) -> dict[str, float] | None:
-    """Return how far the vehicles of a team stay from each other; None without a team."""
-    if isinstance(scenario, Scenario):
-        return None
-    keys = set(TeamSection.model_fields)
-    return scenario.flight.model_dump(include=keys)
 
 
 def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str) -> Scenario:

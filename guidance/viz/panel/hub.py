@@ -175,26 +175,21 @@ class DaemonBus:
         limit_s = LOCAL_JOIN_LIMIT_S if self._credentials.tls is None else REMOTE_JOIN_LIMIT_S
         while not is_over(self._ended, STATUS_INTERVAL_S):
             try:
-                self._watch(
-                    join_session(
-                        self.endpoint, self._token_file, self._credentials, timeout_s=limit_s
-                    )
+                session = join_session(
+                    self.endpoint, self._token_file, self._credentials, timeout_s=limit_s
                 )
+                self._session = session
+                unanswered = 0
+                self._known.clear()
+                session.declare_subscriber(broadcast_key("*", "*"), self._queue)
+                while not is_over(self._ended):
+                    unanswered = 0 if self._poll(session) else unanswered + 1
+                    if unanswered >= MAX_UNANSWERED:
+                        raise LinkError(f"no daemon answers at {self.endpoint}")
+                    self._ended.wait(STATUS_INTERVAL_S)
             except (GuidanceError, zenoh.ZError, OSError, ValueError, KeyError, TypeError) as error:
                 self.reason = str(error)
             self._disconnect()
-
-    def _watch(self, session: "zenoh.Session") -> None:
-        """Query the status of all daemons until the end, or until nobody answers."""
-        self._session = session
-        unanswered = 0
-        self._known.clear()
-        session.declare_subscriber(broadcast_key("*", "*"), self._queue)
-        while not is_over(self._ended):
-            unanswered = 0 if self._poll(session) else unanswered + 1
-            if unanswered >= MAX_UNANSWERED:
-                raise LinkError(f"no daemon answers at {self.endpoint}")
-            self._ended.wait(STATUS_INTERVAL_S)
 
     def _poll(self, session: "zenoh.Session") -> bool:
         """Send signs of life, and query all status; return whether a daemon answered.

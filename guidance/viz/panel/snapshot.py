@@ -264,11 +264,16 @@ class SnapshotFold:
             return self._shown
         certificate = row.certificate
         cycle = self._flight.cycle
+        alarm = self._alarm
+        if alarm is None or row.now_s - alarm["since_s"] > ALARM_SHOWN_S:
+            lasting_alarm = None
+        else:
+            lasting_alarm = alarm
         snapshot: Plain = {
             **self._telemetry(row),
             **self._places(),
             "game": None if certificate is None else game_shown(certificate),
-            "alarm": self._lasting_alarm(row.now_s),
+            "alarm": lasting_alarm,
             "age_s": (
                 {
                     "heartbeat": self._flight.vehicle.age_s(Heartbeat, row.now_s),
@@ -282,7 +287,14 @@ class SnapshotFold:
         self._shown = dict(plain(snapshot))
         if certificate is not None and not certificate.no_game:
             # Plain already, and long
-            self._shown["game"]["isochron_m"] = self._isochron_of(certificate, row.now_s)
+            # The isochron of at most a second ago: it solves a batch of games.
+            made_s, curve_m = self._isochron
+            if not 0.0 <= row.now_s - made_s < ISOCHRON_INTERVAL_S:
+                curve = isochron_at(self._flight.settings.cycle, certificate, 49)
+                curve = curve[np.isfinite(curve).all(axis=-1)]
+                curve_m = np.round(curve, _CENTIMETRES).tolist()
+                self._isochron = (row.now_s, curve_m)
+            self._shown["game"]["isochron_m"] = curve_m
         return self._shown
 
     def _telemetry(self, row: CycleEntry) -> Plain:
@@ -344,22 +356,6 @@ class SnapshotFold:
                 name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in _VELOCITIES
             },
         }
-
-    def _lasting_alarm(self, now_s: float) -> Plain | None:
-        alarm = self._alarm
-        if alarm is None or now_s - alarm["since_s"] > ALARM_SHOWN_S:
-            return None
-        return alarm
-
-    def _isochron_of(self, certificate: Certificate, now_s: float) -> list[Any]:
-        """Return the isochron of at most a second ago: it solves a batch of games."""
-        made_s, curve_m = self._isochron
-        if not 0.0 <= now_s - made_s < ISOCHRON_INTERVAL_S:
-            curve = isochron_at(self._flight.settings.cycle, certificate, 49)
-            curve = curve[np.isfinite(curve).all(axis=-1)]
-            curve_m = np.round(curve, _CENTIMETRES).tolist()
-            self._isochron = (now_s, curve_m)
-        return curve_m
 
 
 def game_shown(certificate: Certificate) -> Plain:
@@ -475,14 +471,13 @@ def read_or_error(read: Callable[[Path], Plain], path: Path) -> Plain:
 def main(what: str, *files: str) -> int:
     """Write the replay of a file as JSON, or the outcome of each as a line."""
     for path in map(Path, files):
-        print(json.dumps(plain(_json_of(what, path)), allow_nan=False), flush=True)  # noqa: T201
+        shown: Any
+        if what == "frames":
+            shown = read_or_error(replay_of, path)
+        else:
+            shown = [str(path), read_or_error(record_summary, path)]
+        print(json.dumps(plain(shown), allow_nan=False), flush=True)  # noqa: T201
     return 0
-
-
-def _json_of(what: str, path: Path) -> Any:  # noqa: ANN401 - JSON
-    if what == "frames":
-        return read_or_error(replay_of, path)
-    return [str(path), read_or_error(record_summary, path)]
 
 
 if __name__ == "__main__":
