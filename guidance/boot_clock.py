@@ -90,7 +90,15 @@ def with_answer(clock: BootClock, answer: Timesync) -> BootClock:
     held_s = _held_s(clock, answer.received_s)
     if held_s <= most_s:
         least_s = max(least_s, held_s)
-    clock = _paced(clock, answer.received_s, vehicle_s)
+    # The times of two answers show the pace.
+    if clock.paced is None:
+        clock = clock._replace(paced=(answer.received_s, vehicle_s))
+    else:
+        before_s, vehicle_before_s = clock.paced
+        passed_s = answer.received_s - before_s
+        if passed_s >= _PACED_S:
+            pace = (vehicle_s - vehicle_before_s) / passed_s
+            clock = clock._replace(paced=(answer.received_s, vehicle_s), pace=pace)
     return clock._replace(
         offset_s=least_s,
         answered_s=answer.received_s,
@@ -108,18 +116,6 @@ def fits_former(clock: BootClock, received_s: float, time_boot_s: float) -> bool
 def elapsed_s(earlier_s: float, later_s: float) -> float:
     """Return the time between two stamps of one vehicle. Their 32 bits of milliseconds wrap after 49.7 days."""
     return math.remainder(later_s - earlier_s, _WRAP_S)
-
-
-def _paced(clock: BootClock, received_s: float, vehicle_s: float) -> BootClock:
-    """Compare the times of two answers."""
-    if clock.paced is None:
-        return clock._replace(paced=(received_s, vehicle_s))
-    before_s, vehicle_before_s = clock.paced
-    passed_s = received_s - before_s
-    if passed_s < _PACED_S:
-        return clock
-    pace = (vehicle_s - vehicle_before_s) / passed_s
-    return clock._replace(paced=(received_s, vehicle_s), pace=pace)
 
 
 def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> BootClock:

@@ -288,7 +288,15 @@ def parse_document(
     except ValidationError as error:
         errors = error.errors()
         listed = errors[:MOST_FAULTS]
-        lines = lines_of(text, [_location(fault) for fault in listed])
+        # The message of a check over several keys begins with the key at fault.
+        locations: list[Location] = []
+        for fault in listed:
+            location: Location = fault["loc"]
+            named = re.match(r"(?:Value error, )?([a-z_]+(?:\.[a-z_]+)+)(?: =|:)", fault["msg"])
+            if named is not None and named[1].split(".")[: len(location)] == [*location]:
+                location = named[1].split(".")
+            locations.append(location)
+        lines = lines_of(text, locations)
         faults = [
             f"  {_line_words(line)}{explain(model, fault)}"
             for fault, line in zip(listed, lines, strict=True)
@@ -296,15 +304,6 @@ def parse_document(
         if len(errors) > MOST_FAULTS:
             faults.append(f"  and {len(errors) - MOST_FAULTS} more faults")
         raise ConfigError(f"{source}:\n" + "\n".join(faults)) from error
-
-
-def _location(fault: ErrorDetails) -> Location:
-    """Return where a fault is. The message of a check over several keys begins with the key at fault."""
-    named = re.match(r"(?:Value error, )?([a-z_]+(?:\.[a-z_]+)+)(?: =|:)", fault["msg"])
-    if named is None:
-        return fault["loc"]
-    location = named[1].split(".")
-    return location if location[: len(fault["loc"])] == [*fault["loc"]] else fault["loc"]
 
 
 def _line_words(line: int | None) -> str:
@@ -333,14 +332,11 @@ def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
     message = fault["msg"].removeprefix("Value error, ")
     if not key or message.startswith(f"{key}."):
         return message
-    return f"{key} = {as_toml(fault['input'])}: {_plain_words(message)}"
-
-
-def _plain_words(message: str) -> str:
-    """Rephrase pydantic's message as what the value must be."""
+    # What the value must be, instead of pydantic's message.
     size = r"^(?:tuple|list) should have at (most|least) (\d+) items? after validation, not \d+$"
     message = re.sub(size, r"must have \2 values at \1", message[0].lower() + message[1:])
-    return re.sub(r"^input should be ", "must be ", message)
+    words = re.sub(r"^input should be ", "must be ", message)
+    return f"{key} = {as_toml(fault['input'])}: {words}"
 
 
 def _section_at(model: type[BaseModel], location: list[str]) -> set[str]:

@@ -181,7 +181,17 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
     sphere = apollonius_sphere(PE_PURSUER, PE_EVADER, RATIO)
     section = apollonius_circle(PE_PURSUER, PE_EVADER, RATIO)
-    shell = _shell(sphere.centre_m, float(sphere.radius_m))
+    # Points on the sphere, (13, 25) each.
+    radius_m = float(sphere.radius_m)
+    longitudes_rad = np.linspace(0, 2 * np.pi, 25)
+    latitudes_rad = np.linspace(-np.pi / 2, np.pi / 2, 13)
+    longitude_rad, latitude_rad = np.meshgrid(longitudes_rad, latitudes_rad)
+    level = np.cos(latitude_rad)
+    centre_x, centre_y, centre_z = sphere.centre_m
+    x = centre_x + radius_m * (level * np.cos(longitude_rad))
+    y = centre_y + radius_m * (level * np.sin(longitude_rad))
+    z = centre_z + radius_m * np.sin(latitude_rad)
+    shell = x, y, z
     axes.plot_wireframe(*shell, color="0.75", linewidth=0.5, zorder=1)
     ring = circle(section.centre_m, float(section.radius_m)).T
     axes.plot(*ring, 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
@@ -208,19 +218,6 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     axes.view_init(elev=22, azim=-35)
     figure.legend(loc="lower center", ncols=2, frameon=False, fontsize=9)
     figure.subplots_adjust(left=0.0, right=0.95, bottom=0.12, top=0.95)
-
-
-def _shell(centre_m: Array, radius_m: float) -> tuple[Array, Array, Array]:
-    """Return x, y and z of points on a sphere, (13, 25) each."""
-    longitudes_rad = np.linspace(0, 2 * np.pi, 25)
-    latitudes_rad = np.linspace(-np.pi / 2, np.pi / 2, 13)
-    longitude_rad, latitude_rad = np.meshgrid(longitudes_rad, latitudes_rad)
-    level = np.cos(latitude_rad)
-    centre_x, centre_y, centre_z = centre_m
-    x = centre_x + radius_m * (level * np.cos(longitude_rad))
-    y = centre_y + radius_m * (level * np.sin(longitude_rad))
-    z = centre_z + radius_m * np.sin(latitude_rad)
-    return x, y, z
 
 
 def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: ANN401

@@ -3,14 +3,11 @@
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from guidance.cli.streams import open_outlets
 from guidance.errors import FlightError, GuidanceError, OutputError
 from guidance.texts import printable
-
-if TYPE_CHECKING:
-    from guidance.links.zenoh.credentials import Credentials
 
 INTERRUPTED = 130
 FAULT = 70
@@ -116,27 +113,22 @@ def ask(
         answer = socket_client.ask_here(order, name=name, by=by, **details)
         if answer is not None:
             return [answer]
+    from guidance.links.zenoh import credentials as zenoh_credentials  # noqa: PLC0415 - only orders over Zenoh
     from guidance.session.orders import control_client  # noqa: PLC0415 - only orders by a router
 
-    details["credentials"] = _credentials(zenoh)
+    if zenoh is None:
+        details["credentials"] = zenoh_credentials.NO_CREDENTIALS
+    else:
+        # What is rare or wrong in the settings is left to the full check.
+        details["credentials"] = zenoh_credentials.certificate_credentials(zenoh)
+        if details["credentials"] is None:
+            from guidance.links.zenoh.access import read_credentials  # noqa: PLC0415 - pydantic is slow to import
+
+            details["credentials"] = read_credentials(zenoh)
     with control_client.join_session(**details) as session:
         if team is None:
             return [control_client.ask(session, order, name, endpoint=details["endpoint"], by=by)]
         return control_client.order_team(session, order, team, names, by=by)
-
-
-def _credentials(path: Path | None) -> "Credentials":
-    """Read our settings for a router; what is rare or wrong in them is left to the full check."""
-    from guidance.links.zenoh import credentials as zenoh_credentials  # noqa: PLC0415 - only orders over Zenoh
-
-    if path is None:
-        return zenoh_credentials.NO_CREDENTIALS
-    credentials = zenoh_credentials.certificate_credentials(path)
-    if credentials is not None:
-        return credentials
-    from guidance.links.zenoh.access import read_credentials  # noqa: PLC0415 - pydantic is slow to import
-
-    return read_credentials(path)
 
 
 def _asked_team_here(

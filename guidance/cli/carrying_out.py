@@ -74,7 +74,22 @@ def carried_out(
             not _is_done(order, status, aim) and status.get("state") in aim.under_way
             for status in statuses
         ):
-            return [_final_answer(order, status, aim) for status in statuses]
+            answers: list[Answer] = []
+            for status in statuses:
+                name = str(status["name"])
+                state = str(status.get("state", ""))
+                if _is_done(order, status, aim):
+                    answers.append({"accepted": True, "name": name, "order": order, "state": state})
+                else:
+                    causes = filter(
+                        None, (status.get("reason"), status.get("cause"), "no cause known")
+                    )
+                    answers.append(
+                        refused(
+                            name, order, state, f"accepted, and not carried out: {next(causes)}"
+                        )
+                    )
+            return answers
         sleep(POLL_S)
 
 
@@ -84,12 +99,3 @@ def _is_done(order: str, status: Answer, aim: OrderStates) -> bool:
     if order == "engage" and status.get("cause") in CAPTURED:
         return True
     return status.get("state") in aim.done
-
-
-def _final_answer(order: str, status: Answer, aim: OrderStates) -> Answer:
-    name = str(status["name"])
-    state = str(status.get("state", ""))
-    if _is_done(order, status, aim):
-        return {"accepted": True, "name": name, "order": order, "state": state}
-    causes = filter(None, (status.get("reason"), status.get("cause"), "no cause known"))
-    return refused(name, order, state, f"accepted, and not carried out: {next(causes)}")

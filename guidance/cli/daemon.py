@@ -131,7 +131,17 @@ Status = Mapping[str, Any]
 
 def status_table(status: Status) -> RenderableType:
     """Lay out a daemon's status: state, telemetry, game and failed checks."""
-    return Group(pairs(_rows(status)), *_to_do(status))
+    to_do = []
+    for row in status.get("to_do", ()):
+        verdict = row["verdict"]
+        style = "bold red" if verdict == "refuse" else "yellow"
+        line = f"{verdict:6}  {row['name']} is {row['found']}"
+        if row["wanted"]:
+            line += f", wanted {row['wanted']}"
+        if row["advice"]:
+            line += f": {row['advice']}"
+        to_do.append(Text(line, style))
+    return Group(pairs(_rows(status)), *to_do)
 
 
 def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
@@ -186,18 +196,6 @@ def _game_rows(status: Status, game: Status) -> Iterator[tuple[str, Cell]]:
     yield "this vehicle", f"winner {winner}; needs {needs_s} s, reaches {reaches_m_s} m/s"
     if game.get("active_limits"):
         yield "limited by", ", ".join(game["active_limits"])
-
-
-def _to_do(status: Status) -> Iterator[Text]:
-    for row in status.get("to_do", ()):
-        verdict = row["verdict"]
-        style = "bold red" if verdict == "refuse" else "yellow"
-        line = f"{verdict:6}  {row['name']} is {row['found']}"
-        if row["wanted"]:
-            line += f", wanted {row['wanted']}"
-        if row["advice"]:
-            line += f": {row['advice']}"
-        yield Text(line, style)
 
 
 def _value_words(values: Status, key: str, form: str = "{:.1f}", unknown: str = "-") -> str:

@@ -337,7 +337,26 @@ def fly_rows(
                 f"the disk was too slow: {dropped} messages are not in the record", style="yellow"
             )
         if isinstance(scenario, TeamScenario):
-            return result, _tell_team(target, scenario, how.way, result, folder), folder
+            # The outcome of a flight and where its records are.
+            rows = team_rows(scenario, how.way, result)
+            separation = scenario.flight
+            tell_players(rows, target, result)
+            least_m = result.least_distance_m(separation.separation_height_m)
+            least_words = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
+            level = f"less than {separation.separation_height_m:g} m apart in height"
+            distance = f"least distance of two vehicles {level}: {least_words}"
+            target.print(f"{distance} ({separation.separation_m:g} m wanted)")
+            flights = result.vehicles.values()
+            if any(Limiter.SEPARATION in flight.limits for flight in flights):
+                target.print(
+                    f"Vehicles made way for each other (limit {Limiter.SEPARATION}); promises do not count that."
+                )
+            duration_s = max(flight.duration_s for flight in flights)
+            wall_s = max(flight.wall_s for flight in flights)
+            target.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s")
+            target.print(f"records  {folder}/VEHICLE/{RECORD}", soft_wrap=True)
+            write_outcome(folder, rows_json(scenario, rows))
+            return result, rows, folder
         return (
             result,
             [outcome_of_flight(flight, how.way) for flight in result.vehicles.values()],
@@ -543,28 +562,3 @@ def result_table(result: FlightResult, outcome: Outcome) -> Table:
     }
     title = f"{ending_words(outcome)}; value is the {quantity}"
     return pairs(rows.items(), title=title, right=True)
-
-
-def _tell_team(
-    target: Console, scenario: TeamScenario, way: str, result: MissionResult, folder: Path
-) -> Sequence[Any]:
-    """Print the outcome of a flight and where its records are; return its rows, one for each evader."""
-    rows = team_rows(scenario, way, result)
-    separation = scenario.flight
-    tell_players(rows, target, result)
-    least_m = result.least_distance_m(separation.separation_height_m)
-    least_words = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
-    level = f"less than {separation.separation_height_m:g} m apart in height"
-    distance = f"least distance of two vehicles {level}: {least_words}"
-    target.print(f"{distance} ({separation.separation_m:g} m wanted)")
-    flights = result.vehicles.values()
-    if any(Limiter.SEPARATION in flight.limits for flight in flights):
-        target.print(
-            f"Vehicles made way for each other (limit {Limiter.SEPARATION}); promises do not count that."
-        )
-    duration_s = max(flight.duration_s for flight in flights)
-    wall_s = max(flight.wall_s for flight in flights)
-    target.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s")
-    target.print(f"records  {folder}/VEHICLE/{RECORD}", soft_wrap=True)
-    write_outcome(folder, rows_json(scenario, rows))
-    return rows

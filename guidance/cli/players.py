@@ -35,32 +35,10 @@ def tell_players(
         console: Where to.
         result: Of a flight; None in mathematics.
     """
-    vehicles = _vehicle_names(rows, result)
-    _tell_vehicles(rows, vehicles, console, result)
-    if not rows:
-        return
-    _tell_evaders(rows, vehicles, console, result)
-    summary = summary_of(rows)
-    team = [(rows[0].game, *map(as_text, summary.values()))]
-    print_sheet(console, ("team", *summary), team, left=(0,))
-
-
-def _vehicle_names(rows: Sequence[TeamOutcome], result: "MissionResult | None") -> list[str]:
     if result is not None:
-        return list(result.vehicles)
-    return [f"uav{number + 1}" for number in range(rows[0].pursuers)]
-
-
-def _evader_name(row: TeamOutcome) -> str:
-    return f"rover{row.evader + 1}"
-
-
-def _tell_vehicles(
-    rows: Sequence[TeamOutcome],
-    vehicles: Sequence[str],
-    console: Console,
-    result: "MissionResult | None",
-) -> None:
+        vehicles = list(result.vehicles)
+    else:
+        vehicles = [f"uav{number + 1}" for number in range(rows[0].pursuers)]
     headings = ["vehicle", "assigned", "captured"]
     if result is not None:
         headings += ["ended", "alarms", "limits"]
@@ -81,14 +59,8 @@ def _tell_vehicles(
             ]
         cells.append(line)
     print_sheet(console, headings, cells, left=range(len(headings)))
-
-
-def _tell_evaders(
-    rows: Sequence[TeamOutcome],
-    vehicles: Sequence[str],
-    console: Console,
-    result: "MissionResult | None",
-) -> None:
+    if not rows:
+        return
     headings = ["evader", "end", *_ROLES, "captor", *_NUMBERS]
     if result is not None:
         headings.append("promise")
@@ -104,6 +76,13 @@ def _tell_evaders(
         cells.append(line)
     text_columns = [column for column, heading in enumerate(headings) if heading not in _NUMBERS]
     print_sheet(console, headings, cells, left=text_columns)
+    summary = summary_of(rows)
+    team = [(rows[0].game, *map(as_text, summary.values()))]
+    print_sheet(console, ("team", *summary), team, left=(0,))
+
+
+def _evader_name(row: TeamOutcome) -> str:
+    return f"rover{row.evader + 1}"
 
 
 def _cell_of_words(separator: str, words: Iterable[str]) -> str:

@@ -3,20 +3,18 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.text import Text
 
 from guidance.cli.arguments import CommandGroup, Json
 from guidance.errors import ConfigError
 from guidance.extras import require_extras
 from guidance.log import (
-    ReplayedCycle,
     Survey,
     compare,
     events_of,
@@ -116,13 +114,7 @@ def info(file: File, as_json: Json = False) -> None:
     target = console()
     heading = f"{title}: {survey.duration_s:.2f} s"
     target.print(Text(printable(heading)))
-    _print_survey(target, survey, topics, reports)
-
-
-def _print_survey(
-    target: Console, survey: Survey, topics: Sequence[str], reports: Mapping[str, int]
-) -> None:
-    """Print channels, the evader's reports by source, metadata and faults of a record."""
+    # Channels, the evader's reports by source, metadata and faults.
     channels = []
     for topic in topics:
         messages = str(survey.messages[topic])
@@ -229,7 +221,12 @@ def replay(
         typer.echo(json.dumps(document, indent=2))
     else:
         typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
-        typer.echo(_what_if(comparison) if changed else _same_or_first(comparison))
+        if changed:
+            typer.echo(f"{comparison.differing} cycles differ")
+            typer.echo(_difference("wanted by the policy", comparison.wanted))
+            typer.echo(_difference("commanded", comparison.commanded))
+        else:
+            typer.echo(_same_or_first(comparison))
     if not changed and (comparison.first is not None or not comparison.setpoints):
         raise typer.Exit(1)
 
@@ -250,18 +247,26 @@ def _compared(file: Path, changes: Mapping[str, Any]) -> tuple[Comparison, Surve
         return compare(file, settings_of, what_if=bool(changes), watch=note)
 
 
-def _what_if(comparison: Comparison) -> str:
-    lines = (
-        f"{comparison.differing} cycles differ",
-        _difference("wanted by the policy", comparison.wanted),
-        _difference("commanded", comparison.commanded),
-    )
-    return "\n".join(lines)
-
-
 def _same_or_first(comparison: Comparison) -> str:
     if comparison.first is not None:
-        return f"{comparison.differing} cycles differ; the first:\n{_first_difference(comparison.first)}"
+        recorded = CYCLE.plain(comparison.first.row)
+        row = comparison.first.row
+        present = CYCLE.plain(cycle_entry(row.now_s, row.inputs, comparison.first.outputs))
+        lines = [f"at {row.now_s:.6f} s, in state {row.state}:"]
+        for name in comparison.first.differing:
+            recorded_text = json.dumps(recorded.get(name))
+            present_text = json.dumps(present.get(name))
+            lines.append(f"  {name}")
+            lines.append(f"    recorded  {recorded_text}")
+            lines.append(f"    now       {present_text}")
+        lines.append("  inputs")
+        for name, value in recorded["inputs"].items():
+            parts = value
+            if not isinstance(value, list):
+                parts = [value]
+            lines.extend(f"    {name}  {json.dumps(part)}" for part in parts)
+        first_difference = "\n".join(lines)
+        return f"{comparison.differing} cycles differ; the first:\n{first_difference}"
     if comparison.setpoints:
         return "every setpoint, state and request came back bit for bit"
     return "no setpoint was recorded, so none was compared; every state came back"
@@ -276,26 +281,6 @@ def _difference(quantity: str, difference: Difference) -> str:
     speeds = f"{mean_m_s:.2f} m/s apart on average, {greatest_m_s:.2f} at most"
     angles = f"{mean_deg:.1f}° on average, {greatest_deg:.1f}° at most"
     return f"{quantity} over {cycles} cycles: {speeds}; {angles}"
-
-
-def _first_difference(step: ReplayedCycle) -> str:
-    recorded = CYCLE.plain(step.row)
-    row = step.row
-    present = CYCLE.plain(cycle_entry(row.now_s, row.inputs, step.outputs))
-    lines = [f"at {row.now_s:.6f} s, in state {row.state}:"]
-    for name in step.differing:
-        recorded_text = json.dumps(recorded.get(name))
-        present_text = json.dumps(present.get(name))
-        lines.append(f"  {name}")
-        lines.append(f"    recorded  {recorded_text}")
-        lines.append(f"    now       {present_text}")
-    lines.append("  inputs")
-    for name, value in recorded["inputs"].items():
-        parts = value
-        if not isinstance(value, list):
-            parts = [value]
-        lines.extend(f"    {name}  {json.dumps(part)}" for part in parts)
-    return "\n".join(lines)
 
 
 def report(

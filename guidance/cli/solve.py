@@ -8,22 +8,18 @@ import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
 from guidance.cli.arguments import Json, refuse
 from guidance.errors import ConfigError
 from guidance.extras import require_extras
 from guidance.files import writing
-from guidance.game import Ball, Cylinder, Game, Reason, Solution, SpeedSet, StandOff, Winner
+from guidance.game import Ball, Cylinder, Game, Reason, Solution, StandOff, Winner
 from guidance.game import solve as solve_game
 from guidance.screen import console, pairs, sheet
-
-if TYPE_CHECKING:
-    from guidance.paper import PublishedTable as PaperTable
 
 
 def solve(
@@ -72,7 +68,14 @@ def solve(
         raise ConfigError(f"--evader-speed = {evader_speed!r}: must be a finite number above 0")
     if speed_ratio is not None and not (math.isfinite(speed_ratio) and speed_ratio > 1):
         raise ConfigError(f"--speed-ratio = {speed_ratio!r}: must be a finite number above 1")
-    speeds = _speeds(speed_ratio, cylinder, evader_speed)
+    # With neither, a file of states has the ratio of each row.
+    ratio = speed_ratio
+    if cylinder is not None:
+        speeds = Cylinder(*_numbers("--cylinder", cylinder, 3))
+    else:
+        if ratio is None:
+            ratio = 2.0
+        speeds = Ball(ratio * evader_speed)
     disc = StandOff(*_numbers("--standoff", standoff, 2))
     game = Game(speeds, evader_speed, standoff=disc)
     if states is not None:
@@ -105,15 +108,6 @@ def solve(
     else:
         rows = _rows(answer, with_target=target is not None)
         console().print(pairs(rows))
-
-
-def _speeds(ratio: float | None, cylinder: str | None, evader_speed_m_s: float) -> SpeedSet:
-    """Return the pursuer's speeds; with neither, a file of states has the ratio of each row."""
-    if cylinder is not None:
-        return Cylinder(*_numbers("--cylinder", cylinder, 3))
-    if ratio is None:
-        ratio = 2.0
-    return Ball(ratio * evader_speed_m_s)
 
 
 def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
@@ -181,7 +175,13 @@ def paper(
         typer.echo(json.dumps(rows, indent=2))
     else:
         for table in computed:
-            target.print(_paper_table(table))
+            headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
+            cells = []
+            for case in table.cases:
+                mark = "✓" if case.matches else "✗"
+                cells.append((*case.strategies, case.published, case.stepped, case.exact, mark))
+            title = f"{table.title}; {table.quantity}"
+            target.print(sheet(headings, cells, left=(0, 1), title=title))
         right = matches.count(True)
         target.print(f"{right} of {len(matches)} published cells match in every digit.")
     if figures:
@@ -189,13 +189,3 @@ def paper(
             target.print(f"drawn: {path}", soft_wrap=True)
     if not all(matches):
         raise typer.Exit(1)
-
-
-def _paper_table(published: "PaperTable") -> Table:
-    headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
-    cells = []
-    for case in published.cases:
-        mark = "✓" if case.matches else "✗"
-        cells.append((*case.strategies, case.published, case.stepped, case.exact, mark))
-    title = f"{published.title}; {published.quantity}"
-    return sheet(headings, cells, left=(0, 1), title=title)

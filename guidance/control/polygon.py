@@ -39,7 +39,19 @@ class Polygon:
     def __post_init__(self, unchecked: bool) -> None:
         if not unchecked:
             _check_corners(self.corners_ne_m)
-            _check_edges(self.edges())
+            edges = self.edges()
+            for index, edge in enumerate(edges):
+                if math.dist(*edge) < _SHORTEST_EDGE_M:
+                    raise ConfigError(
+                        f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it"
+                    )
+            if crossing_edges(edges) is not None:
+                # The error names the first crossing in the order of the corners; only here all pairs are compared.
+                pairs = combinations(range(len(edges)), 2)
+                first, second = next(pair for pair in pairs if _edges_cross(edges, *pair))
+                raise ConfigError(
+                    f"fence_polygon: edges {first} and {second} cross or touch; give the corners in order"
+                )
 
     def edges(self) -> tuple[Edge, ...]:
         """The edges as pairs of corners."""
@@ -84,21 +96,6 @@ def _check_corners(corners: Sequence[Point]) -> None:
     for corner in corners:
         if not all(math.isfinite(value) for value in corner):
             raise ConfigError(f"fence_polygon corner {corner}: must be two finite numbers")
-
-
-def _check_edges(edges: Sequence[Edge]) -> None:
-    for index, edge in enumerate(edges):
-        if math.dist(*edge) < _SHORTEST_EDGE_M:
-            raise ConfigError(
-                f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it"
-            )
-    if crossing_edges(edges) is not None:
-        # The error names the first crossing in the order of the corners; only here all pairs are compared.
-        pairs = combinations(range(len(edges)), 2)
-        first, second = next(pair for pair in pairs if _edges_cross(edges, *pair))
-        raise ConfigError(
-            f"fence_polygon: edges {first} and {second} cross or touch; give the corners in order"
-        )
 
 
 def corners_about_home(

@@ -288,7 +288,23 @@ def _asked(
 ) -> Enu | str:
     """Return the velocity of a strategy other than the optimal one, in the game frame, or why there is none."""
     if strategy.is_own:
-        return _ask_own(inputs.ask, game, players, memory)
+        if inputs.ask is None:
+            return "there is no policy here to ask"
+        last_m_s = np.zeros(3) if memory.velocity_m_s is None else memory.velocity_m_s
+        observation = observe_pursuit(
+            game,
+            np.array([players.pursuer_m]),
+            np.array([players.evader_m]),
+            np.array([players.evader_m_s]),
+            last_m_s[None],
+            None if players.target_m is None else np.array([players.target_m]),
+        )
+        answer = inputs.ask(observation)
+        if isinstance(answer, str):
+            return answer
+        if len(answer) != PURSUER_SHARES or not all(map(math.isfinite, answer)):
+            return f"the policy's answer {answer} is not {PURSUER_SHARES} finite numbers"
+        return Enu(pursuer_velocity(game, np.array([answer]))[0].tolist())
     target_m = None if players.target_m is None else np.array(players.target_m)
     x, y, z = pursue(
         strategy,
@@ -301,27 +317,6 @@ def _asked(
         dt_s=inputs.dt_s,
     )
     return Enu((float(x), float(y), float(z)))
-
-
-def _ask_own(ask: Ask | None, game: Game, players: Players, memory: StrategyMemory) -> Enu | str:
-    """Return the velocity of the user's policy, in the game frame, or the reason that there is none."""
-    if ask is None:
-        return "there is no policy here to ask"
-    last_m_s = np.zeros(3) if memory.velocity_m_s is None else memory.velocity_m_s
-    observation = observe_pursuit(
-        game,
-        np.array([players.pursuer_m]),
-        np.array([players.evader_m]),
-        np.array([players.evader_m_s]),
-        last_m_s[None],
-        None if players.target_m is None else np.array([players.target_m]),
-    )
-    answer = ask(observation)
-    if isinstance(answer, str):
-        return answer
-    if len(answer) != PURSUER_SHARES or not all(map(math.isfinite, answer)):
-        return f"the policy's answer {answer} is not {PURSUER_SHARES} finite numbers"
-    return Enu(pursuer_velocity(game, np.array([answer]))[0].tolist())
 
 
 class UnlimitedCommand(NamedTuple):

@@ -97,7 +97,18 @@ def listen(rivals: SourceMemory, report: SourceReport, settings: TrackSettings) 
     if not sent_s > rivals.newest_sent_s and _has_arrived(rivals.recent, report.told):
         report = report._replace(is_copy=True)
     recent = (*rivals.recent[-_MAX_REPORTS + 1 :], report)
-    odd_s = now_s if _is_odd(recent[-2:][0], report) else rivals.odd_s
+    # A report, after the one before it, can count as a sign of a second source.
+    before = recent[-2:][0]
+    told = report.told
+    is_odd = (
+        report.fits is False
+        or told.impostors
+        or math.isnan(told.sent_s)
+        or _is_apart(report)
+        or told.peer != before.told.peer
+        or _contradict(before.told, told)
+    )
+    odd_s = now_s if is_odd else rivals.odd_s
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
         return rivals._replace(recent=recent, odd_s=odd_s, newest_sent_s=newest_sent_s)
@@ -113,18 +124,6 @@ def listen(rivals: SourceMemory, report: SourceReport, settings: TrackSettings) 
         if shows(rivals, now_s, settings):
             return rivals._replace(seen_s=now_s, why=sign)
     return rivals
-
-
-def _is_odd(before: SourceReport, report: SourceReport) -> bool:
-    """Return whether a report, after the one before it, can count as a sign of a second source."""
-    told = report.told
-    if report.fits is False or told.impostors or math.isnan(told.sent_s):
-        return True
-    if _is_apart(report):
-        return True
-    if told.peer != before.told.peer:
-        return True
-    return _contradict(before.told, told)
 
 
 def _is_apart(report: SourceReport) -> bool:
@@ -153,11 +152,7 @@ def _in_place(recent: Sequence[SourceReport], settings: TrackSettings) -> bool:
         _can_follow(earlier, later, speed_m_s, margin_m)
         for earlier, later in itertools.pairwise(strangers)
     )
-    return agreeing >= _TURNS and _leaps(ordered, speed_m_s, noise_m) >= _TURNS
-
-
-def _leaps(ordered: Sequence[SourceReport], speed_m_s: float, noise_m: float) -> int:
-    """Count changes to reports that do not fit and back, with an impossible step in at least one direction."""
+    # Changes to reports that do not fit and back, with an impossible step in at least one direction.
     leaps = 0
     leapt_away = None
     for earlier, later in itertools.pairwise(ordered):
@@ -166,7 +161,7 @@ def _leaps(ordered: Sequence[SourceReport], speed_m_s: float, noise_m: float) ->
             leapt_away = not reachable
         elif later.fits and not earlier.fits and leapt_away is not None:
             leaps += leapt_away or not reachable
-    return leaps
+    return agreeing >= _TURNS and leaps >= _TURNS
 
 
 def _can_follow(

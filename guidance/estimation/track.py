@@ -99,7 +99,17 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
         earlier -= 1
     taken = _take(track.history[earlier - 1].estimate, measurement, settings)
     if taken is None:
-        return _outlier(track, measurement, settings)
+        # Once enough outliers agree, the rival becomes the track.
+        rival = track.rival
+        if rival is not None:
+            rival = update(rival, measurement, settings)
+        if rival is None or rival.outcome is not ReportOutcome.ACCEPTED:
+            rival = _new_track(Track(), measurement, settings)
+        lasting_s = rival.history[-1].measurement.time_s - rival.history[0].measurement.time_s
+        if len(rival.history) < settings.jump_reports and lasting_s < settings.jump_s:
+            return replace(track, rival=rival, outcome=ReportOutcome.OUTLIER)
+        restarted = replace(track, history=rival.history, rival=None, outcome=ReportOutcome.JUMPED)
+        return _begun_anew(replace(track, rival=rival), restarted, settings)
     history = (*track.history[:earlier], Accepted(measurement, taken))
     for later in track.history[earlier:]:  # again, without those that no longer fit
         corrected = _take(history[-1].estimate, later.measurement, settings)
@@ -241,20 +251,6 @@ def _off_the_turn_m(
     return math.hypot(
         beyond_north_m - more_north_m_s * kept_s, beyond_east_m - more_east_m_s * kept_s
     )
-
-
-def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
-    """Add the outlier to the rival; once enough outliers agree, the rival becomes the track."""
-    rival = track.rival
-    if rival is not None:
-        rival = update(rival, measurement, settings)
-    if rival is None or rival.outcome is not ReportOutcome.ACCEPTED:
-        rival = _new_track(Track(), measurement, settings)
-    lasting_s = rival.history[-1].measurement.time_s - rival.history[0].measurement.time_s
-    if len(rival.history) < settings.jump_reports and lasting_s < settings.jump_s:
-        return replace(track, rival=rival, outcome=ReportOutcome.OUTLIER)
-    restarted = replace(track, history=rival.history, rival=None, outcome=ReportOutcome.JUMPED)
-    return _begun_anew(replace(track, rival=rival), restarted, settings)
 
 
 def _begun_anew(track: Track, restarted: Track, settings: TrackSettings) -> Track:

@@ -123,7 +123,14 @@ def _windowed(samples: tuple[PlaneReport, ...]) -> tuple[PlaneReport, ...]:
 
 def _judged(check: VelocityCheck, samples: tuple[PlaneReport, ...], step_s: float) -> VelocityCheck:
     """Compare the velocities of a whole window; the last sample came `step_s` after the one before it."""
-    error_m_s, speed_m_s, spread_s2 = _fitted(samples)
+    # Straight lines through the samples, over time from their mean.
+    newest_s = samples[-1].time_s
+    times_s = [sample.time_s - newest_s for sample in samples]
+    mean_s = sum(times_s) / len(times_s)
+    from_mean_s = [time_s - mean_s for time_s in times_s]
+    spread_s2 = sum(offset_s**2 for offset_s in from_mean_s)
+    error_m_s = _slope(from_mean_s, spread_s2, [sample.remainder_m for sample in samples])
+    speed_m_s = _slope(from_mean_s, spread_s2, [sample.position_m for sample in samples])
     position_sd_m = max(sample.position_sd_m for sample in samples)
     allowed_m_s = max(_TOLERANCE_M_S, _SIGMAS * position_sd_m / math.sqrt(spread_s2))
     if error_m_s <= allowed_m_s:
@@ -142,33 +149,6 @@ def _judged(check: VelocityCheck, samples: tuple[PlaneReport, ...], step_s: floa
     lasting = time_s - since_s >= _WRONG_AFTER_S and wrong_samples >= _WRONG_SAMPLES
     believed = check.believed and not lasting
     return VelocityCheck(believed, error_m_s, samples, since_s, wrong_samples)
-
-
-class Fit(NamedTuple):
-    """Straight lines of least squares through a window.
-
-    Attributes:
-        error_m_s: Speed of the positions beside the integrated velocities.
-        speed_m_s: Speed of the positions.
-        spread_s2: The sum of the squared times from their mean.
-    """
-
-    error_m_s: float
-    speed_m_s: float
-    spread_s2: float
-
-
-def _fitted(samples: Sequence[PlaneReport]) -> Fit:
-    newest_s = samples[-1].time_s
-    times_s = [sample.time_s - newest_s for sample in samples]
-    mean_s = sum(times_s) / len(times_s)
-    from_mean_s = [time_s - mean_s for time_s in times_s]
-    spread_s2 = sum(offset_s**2 for offset_s in from_mean_s)
-    return Fit(
-        _slope(from_mean_s, spread_s2, [sample.remainder_m for sample in samples]),
-        _slope(from_mean_s, spread_s2, [sample.position_m for sample in samples]),
-        spread_s2,
-    )
 
 
 def _slope(

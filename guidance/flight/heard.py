@@ -306,7 +306,26 @@ class Heard:
         here_ned_m = self.position_ned_m
         if frame is None or here_ned_m is None:
             return
-        state = _state_of(report, frame.wgs84_from_ned(here_ned_m)[2].metres)
+        # An unknown height is ours; with an unknown velocity it may fly anywhere.
+        altitude_m = report.altitude_amsl_m
+        if math.isnan(altitude_m):
+            altitude_m = frame.wgs84_from_ned(here_ned_m)[2].metres
+        velocity = report.velocity_ned_m_s
+        speed_m_s = math.hypot(*velocity)
+        if math.isnan(speed_m_s):
+            velocity = NOWHERE
+            speed_m_s = FASTEST_AIRCRAFT_M_S
+        state = MateState(
+            report.name,
+            report.received_s - report.age_s,
+            report.latitude_deg,
+            report.longitude_deg,
+            altitude_m,
+            velocity,
+            speed_m_s,
+            report.error_m,
+            airborne=True,
+        )
         reported_ned_m = self._around(state, state.at_s, frame).position_ned_m
         # Aircraft that are silent are left out; what moved like none may be one again after that time.
         self.aircraft = {
@@ -322,8 +341,13 @@ class Heard:
         before = self.aircraft.pop(state.name, None)
         if self._is_player(reported_ned_m, report, state.at_s, frame):
             return
-        if before is not None and self._leaps(before, state, frame):
-            self._no_aircraft_s[state.name] = state.at_s
+        if before is not None:
+            # No aircraft can reach one of two places from the other.
+            way_m = math.dist(_place_in(frame, before), _place_in(frame, state))
+            most_m = SAME_M + before.doubt_m + state.doubt_m
+            most_m += FASTEST_AIRCRAFT_M_S * (abs(state.at_s - before.at_s) + _AGE_STEP_S)
+            if way_m > most_m:
+                self._no_aircraft_s[state.name] = state.at_s
         distance_m = math.dist(reported_ned_m, here_ned_m)
         if state.name in self._no_aircraft_s or distance_m > FARTHEST_AIRCRAFT_M:
             return
@@ -345,13 +369,6 @@ class Heard:
         players += [self._around(mate, at_s, frame).position_ned_m for mate in self.mates.values()]
         same_m = SAME_M + report.error_m
         return any(math.dist(reported_ned_m, player) <= same_m for player in players)
-
-    def _leaps(self, before: MateState, after: MateState, frame: LocalFrame) -> bool:
-        """Whether an aircraft was reported at two places that none can reach one from the other."""
-        way_m = math.dist(_place_in(frame, before), _place_in(frame, after))
-        most_m = SAME_M + before.doubt_m + after.doubt_m
-        most_m += FASTEST_AIRCRAFT_M_S * (abs(after.at_s - before.at_s) + _AGE_STEP_S)
-        return way_m > most_m
 
     def _farthest_aircraft(self, here_ned_m: Ned, now_s: float, frame: LocalFrame) -> str:
         """Return the name of the aircraft that is farthest from here."""
@@ -508,29 +525,6 @@ def _beyond_ordinary(age_s: float) -> float:
     """Return the part of an age that the configured reaction time does not include, in steps."""
     beyond_s = min(age_s, OLDEST_S) - ORDINARY_AGE_S
     return max(0.0, _LATE_STEP_S * math.ceil(beyond_s / _LATE_STEP_S))
-
-
-def _state_of(report: messages.Aircraft, own_altitude_m: float) -> MateState:
-    """Return an aircraft's state. An unknown height is ours; with an unknown velocity it may fly anywhere."""
-    altitude_m = report.altitude_amsl_m
-    if math.isnan(altitude_m):
-        altitude_m = own_altitude_m
-    velocity = report.velocity_ned_m_s
-    speed_m_s = math.hypot(*velocity)
-    if math.isnan(speed_m_s):
-        velocity = NOWHERE
-        speed_m_s = FASTEST_AIRCRAFT_M_S
-    return MateState(
-        report.name,
-        report.received_s - report.age_s,
-        report.latitude_deg,
-        report.longitude_deg,
-        altitude_m,
-        velocity,
-        speed_m_s,
-        report.error_m,
-        airborne=True,
-    )
 
 
 def _place_in(frame: LocalFrame, state: MateState) -> Ned:

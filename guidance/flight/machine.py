@@ -295,21 +295,22 @@ class Flight:
             if self.barring_modes:
                 return None
             return Event.ALOFT if vehicle.armed and vehicle.in_air else order
-        if order is Event.ENGAGE and not self._may_engage(now_s, refusals):
-            return None
+        if order is Event.ENGAGE:
+            # Telemetry, evader, mode, preflight and checks may bar an engagement.
+            barred = (
+                self.telemetry_refusal(now_s)
+                or self.evader_refusal(now_s)
+                or self.leaving_modes
+                or refusals
+                or not self.heard.has_flown
+            )
+            if barred or not (
+                self.checked or all(check.verdict is Verdict.PASS for check in self.checks(now_s))
+            ):
+                return None
         if self.stage.state in BEFORE_FLIGHT and vehicle.armed:
             return _FOUND_ARMED.get(order)
         return order
-
-    def _may_engage(self, now_s: float, refusals: Sequence[str]) -> bool:
-        """Whether telemetry, evader, mode, preflight and checks allow an engagement now."""
-        if self.telemetry_refusal(now_s) or self.evader_refusal(now_s):
-            return False
-        if self.leaving_modes or refusals or not self.heard.has_flown:
-            return False
-        if self.checked:
-            return True
-        return all(check.verdict is Verdict.PASS for check in self.checks(now_s))
 
     def _change(
         self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = ""

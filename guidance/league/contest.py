@@ -132,7 +132,11 @@ def contest_of(scenario: Scenario, policy: str, side: str, games: int, seed: int
     # A scenario with it is refused if the name is unknown
     with_policies(scenario, **{side: policy})
     if is_own(policy):
-        _try(contest, policy)
+        # Ask the policy for actions in a few states.
+        asked = Side(contest.side, arena_of(contest.scenario))
+        bounds = asked.bounds()
+        draws = uniform(np.arange(TRIAL)[:, None], BOOTSTRAP_STREAM, np.arange(len(bounds.low)))
+        require_fit(policy, 0.1 * (2.0 * draws - 1.0) * bounds.high, asked.shares)
     return contest
 
 
@@ -142,18 +146,6 @@ def built_in_policies(
     """Return the built-in policies of one side, those with a memory last, that can play a scenario."""
     left_out = {STANDING} if scenario.target is not None else {STANDING, TASK}
     return (*(name for name in memoryless if name not in left_out), *others)
-
-
-def _try(contest: Contest, policy: str) -> None:
-    """Ask a policy for actions in a few states.
-
-    Raises:
-        ConfigError: If its answers are no actions, or it declares another observation space.
-    """
-    side = Side(contest.side, arena_of(contest.scenario))
-    bounds = side.bounds()
-    draws = uniform(np.arange(TRIAL)[:, None], BOOTSTRAP_STREAM, np.arange(len(bounds.low)))
-    require_fit(policy, 0.1 * (2.0 * draws - 1.0) * bounds.high, side.shares)
 
 
 def play_pair(contest: Contest, player: str, opponent: str) -> PlayedPair:

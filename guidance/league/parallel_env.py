@@ -112,7 +112,13 @@ class PursuitParallelEnv(ParallelEnv):
         playing = self.agents
         if not playing:  # as PettingZoo's own environments after the end
             return {}, {}, {}, {}, {}
-        velocities = {agent: self._velocity(agent, actions) for agent in playing}
+        velocities = {}
+        for agent in playing:
+            if agent not in actions:
+                raise ConfigError(
+                    f"actions: none for {agent}; each of {', '.join(self.agents)} needs its action"
+                )
+            velocities[agent] = self._game.velocity(agent, actions[agent])
         rewards = self._game.step(velocities)
         ends = {agent: self._game.ended(agent) for agent in playing}
         terminated = {agent: end not in {End.RUNNING, End.TIME_UP} for agent, end in ends.items()}
@@ -127,13 +133,6 @@ class PursuitParallelEnv(ParallelEnv):
             truncated,
             infos,
         )
-
-    def _velocity(self, agent: str, actions: ByAgent) -> Array:
-        if agent not in actions:
-            raise ConfigError(
-                f"actions: none for {agent}; each of {', '.join(self.agents)} needs its action"
-            )
-        return self._game.velocity(agent, actions[agent])
 
 
 class _Duel:

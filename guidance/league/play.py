@@ -240,30 +240,23 @@ def losses_of(arena: Arena, batch: Batch, moments: Iterable[BatchMoment], player
         unfinished |= last.end == End.TIME_UP
     if unfinished.any():
         left = np.abs(at_end.value)
-        lost = _score_given_up(arena, batch, last, left, player)
+        # The score if the player stops: the evader is captured where it is, or in TAD is at its target.
+        if batch.target_m is None:
+            lost = np.asarray(-(batch.limit_s + left) if player == PURSUER else -last.now_s)
+        else:
+            E = last.evader_m
+            offset = to_target(NUMPY, batch.game, components(E), components(batch.target_m))
+            if player == EVADER:
+                lost = np.asarray(NUMPY.norm2(offset[:2]))
+            else:
+                at_target_m = np.column_stack([E[:, 0] + offset[0], E[:, 1] + offset[1], E[:, 2]])
+                arrived = last._replace(evader_m=at_target_m)
+                lost = _scores(arena, batch, arrived, _solved(arena.valued, batch, arrived))
         paid = np.fmin(lost, after - left) if player == PURSUER else np.fmax(lost, after + left)
         after = np.where(unfinished, paid, after)
     if batch.target_m is not None:
         after = np.where(before > 0.0, np.maximum(after, 0.0), after)
     return Losses(before - after, solution.value, last.end)
-
-
-def _score_given_up(
-    arena: Arena, batch: Batch, last: BatchMoment, left: Array, player: str
-) -> Array:
-    """Return the scores, (n,), if the player stops: the evader is captured where it is, or in TAD is at its target.
-
-    In PE the pursuer that stops captures after the time limit and the remaining value, `left`, s.
-    """
-    if batch.target_m is None:
-        return np.asarray(-(batch.limit_s + left) if player == PURSUER else -last.now_s)
-    E = last.evader_m
-    offset = to_target(NUMPY, batch.game, components(E), components(batch.target_m))
-    if player == EVADER:
-        return np.asarray(NUMPY.norm2(offset[:2]))
-    at_target_m = np.column_stack([E[:, 0] + offset[0], E[:, 1] + offset[1], E[:, 2]])
-    arrived = last._replace(evader_m=at_target_m)
-    return _scores(arena, batch, arrived, _solved(arena.valued, batch, arrived))
 
 
 def put(record: Any, part: Any, rows: NDArray[np.intp]) -> None:  # noqa: ANN401 - a record of arrays

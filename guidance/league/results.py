@@ -174,26 +174,22 @@ def draw_regrets(contest: Contest, played: Sequence[PlayedPair], path: Path) -> 
     axes = figure.subplots(1, columns, squeeze=False)
     for panel, opponent in zip(axes[0], contest.opponents, strict=True):
         pairs = [pair for pair in played if pair.row.opponent == opponent]
-        _draw_panel(panel, pairs)
+        # The axis leaves out the last 2 % at both ends.
+        for number, pair in enumerate(pairs):
+            style = _STYLES[number % len(_STYLES)]
+            width = max(1.0, 3.0 - 0.4 * number)
+            values = np.quantile(pair.regret, _SHARES)
+            label = label_of(pair.row.player)
+            panel.plot(values, _SHARES, label=label, linestyle=style, linewidth=width)
+        regrets = np.concatenate([pair.regret for pair in pairs])
+        low, high = np.quantile(regrets, (0.02, 0.98)).tolist()
+        margin = max(0.03 * (high - low), 1e-6)
+        panel.set(xlim=(low - margin, high + margin), ylim=(0.0, 1.02))
+        panel.axvline(0.0, color="0.5", linewidth=0.8)
+        panel.grid(visible=True, linewidth=0.3)
         title = f"{opposing_side}: {label_of(opponent)}"
         panel.set(xlabel=f"regret, {unit_of(contest)}", title=title)
     axes[0, 0].set_ylabel("share of games with at most this regret")
     legend_below(figure, *axes.ravel(), columns=3, title=contest.side)
     save(figure, path)
     return path
-
-
-def _draw_panel(panel: Any, pairs: Sequence[PlayedPair]) -> None:  # noqa: ANN401 - matplotlib's
-    """Draw the regrets of each pair; the axis leaves out the last 2 % at both ends."""
-    for number, pair in enumerate(pairs):
-        style = _STYLES[number % len(_STYLES)]
-        width = max(1.0, 3.0 - 0.4 * number)
-        values = np.quantile(pair.regret, _SHARES)
-        label = label_of(pair.row.player)
-        panel.plot(values, _SHARES, label=label, linestyle=style, linewidth=width)
-    regrets = np.concatenate([pair.regret for pair in pairs])
-    low, high = np.quantile(regrets, (0.02, 0.98)).tolist()
-    margin = max(0.03 * (high - low), 1e-6)
-    panel.set(xlim=(low - margin, high + margin), ylim=(0.0, 1.02))
-    panel.axvline(0.0, color="0.5", linewidth=0.8)
-    panel.grid(visible=True, linewidth=0.3)

@@ -17,7 +17,6 @@ from guidance.game import End
 from guidance.game.team import TEAM_RULES
 from guidance.game.team.rollout import CAPTURES, OPTIMAL
 from guidance.screen import print_sheet
-from guidance.sim.batch import Array
 from guidance.sim.scenario import PURSUER
 from guidance.sim.teams import TeamScenario, played_teams, teams_of
 from guidance.strategies import uniform
@@ -127,7 +126,14 @@ def play_team_pair(contest: TeamContest, player: str, opponent: str) -> TeamRow:
     captures = np.concatenate(captured)
     sure = np.concatenate(guaranteed)
     evaders = len(teams_of(scenario).evaders_m)
-    low, high = _interval(contest.seed, captures / evaders)
+    # The resampled games are the same for every pair.
+    shares = captures / evaders
+    count = len(shares)
+    means = []
+    for number in range(RESAMPLES):
+        places = uniform(np.int64(contest.seed), STREAM, np.arange(count) + number * count)
+        means.append(shares[(places * count).astype(np.intp)].mean())
+    low, high = np.quantile(means, CONFIDENCE).tolist()
     return TeamRow(
         player,
         opponent,
@@ -147,17 +153,6 @@ def play_all_teams(contest: TeamContest) -> Iterator[TeamRow]:
     for player in contest.players:
         for opponent in contest.opponents:
             yield play_team_pair(contest, player, opponent)
-
-
-def _interval(seed: int, shares: Array) -> tuple[float, float]:
-    """Return the bootstrapped interval of a mean; the resampled games are the same for every pair."""
-    count = len(shares)
-    means = []
-    for number in range(RESAMPLES):
-        places = uniform(np.int64(seed), STREAM, np.arange(count) + number * count)
-        means.append(shares[(places * count).astype(np.intp)].mean())
-    low, high = np.quantile(means, CONFIDENCE)
-    return float(low), float(high)
 
 
 def print_team_table(target: Console, contest: TeamContest, rows: list[TeamRow]) -> None:

@@ -138,7 +138,20 @@ class TeamScenarioGame:
         left_s = self._held_s
         with np.errstate(all="ignore"):
             while left_s > LEAST_S and (self._outcomes.end == End.RUNNING).any():
-                left_s -= self._fly(left_s)
+                # To the next end, at most so long.
+                limit_s = self._scenario.time_limit_s
+                running = self._outcomes.end == End.RUNNING
+                most_s = np.minimum(left_s, limit_s - self._now_s)
+                h = step_of(self._straight(), running, self._matching.evader_of, most_s)
+                v = self._velocity_m_s[: self._n]
+                w = self._velocity_m_s[self._n :]
+                P, self._E = moved(self._P, self._E, v, w, h, running)
+                lowest_m = [-math.inf, -math.inf, 0.0]
+                self._P = np.maximum(P, lowest_m)
+                self._now_s = self._now_s + h
+                foreseen = foresee(self._ends_game, self._plays, self._P, self._E, self._T)
+                self._outcomes = judged_ends(self._outcomes, foreseen, self._now_s, limit_s)
+                left_s -= float(h)
         finished = self._outcomes.end != End.RUNNING
         self._velocity_m_s[self._n :][finished] = 0.0
         self._matching = self._matched(self._matching)
@@ -146,22 +159,6 @@ class TeamScenarioGame:
         self._score = self._scored()
         gain = self._score - before
         return {agent: self._sign(agent) * gain for agent in self.agents}
-
-    def _fly(self, longest_s: float) -> float:
-        """Fly to the next end, at most so long; return how long."""
-        limit_s = self._scenario.time_limit_s
-        running = self._outcomes.end == End.RUNNING
-        most_s = np.minimum(longest_s, limit_s - self._now_s)
-        h = step_of(self._straight(), running, self._matching.evader_of, most_s)
-        v = self._velocity_m_s[: self._n]
-        w = self._velocity_m_s[self._n :]
-        P, self._E = moved(self._P, self._E, v, w, h, running)
-        lowest_m = [-math.inf, -math.inf, 0.0]
-        self._P = np.maximum(P, lowest_m)
-        self._now_s = self._now_s + h
-        foreseen = foresee(self._ends_game, self._plays, self._P, self._E, self._T)
-        self._outcomes = judged_ends(self._outcomes, foreseen, self._now_s, limit_s)
-        return float(h)
 
     def _straight(self) -> Foreseen:
         """Return lower bounds of the times until straight tracks end in captures and arrivals, s.
@@ -196,11 +193,14 @@ class TeamScenarioGame:
         pursuers_present = np.ones(self._n, dtype=bool)
         evaders_present = self._outcomes.end == End.RUNNING
         present = np.concatenate([pursuers_present, evaders_present])
-        return {agent: self._observed(self._number(agent), places_m, present) for agent in agents}
-
-    def _observed(self, number: int, places_m: Array, present: Array) -> Array:
-        target_m = None if self._T is None else self._T[0]
-        return observed_by(number, self._n, places_m, self._velocity_m_s, present, target_m)
+        observed = {}
+        for agent in agents:
+            number = self._number(agent)
+            target_m = None if self._T is None else self._T[0]
+            observed[agent] = observed_by(
+                number, self._n, places_m, self._velocity_m_s, present, target_m
+            )
+        return observed
 
     def infos(self, agents: list[str]) -> ByAgent:
         """Return value, regret, winner and reason."""

@@ -189,18 +189,14 @@ def taken_apart(url: str) -> Endpoint:
     namespace = parts.path.strip("/")
     if not host or not port or parts.query or parts.fragment or parts.username:
         raise ValueError(f"a host and a port are needed, as in {scheme}://127.0.0.1:14540")
-    return Endpoint(scheme, host, port, _namespace_of(scheme, namespace))
-
-
-def _namespace_of(scheme: str, namespace: str) -> str:
-    """Return the namespace of a Zenoh URL; for PX4's own Zenoh the number of its ROS domain."""
+    # Of PX4's own Zenoh the namespace is the number of its ROS domain.
     if scheme in PX4_SCHEMES:
         domain = namespace or "0"
         if not (domain.isascii() and domain.isdecimal() and int(domain) <= _LAST_DOMAIN):
             raise ValueError(f"the path is PX4's ZENOH_DOMAIN_ID, 0 to {_LAST_DOMAIN}")
-        return str(int(domain))
-    if namespace and scheme != "zenoh":
+        namespace = str(int(domain))
+    elif namespace and scheme != "zenoh":
         raise ValueError("only zenoh:// takes a path (its namespace)")
-    if set(namespace) & set("*$#?") or "//" in namespace:
+    elif set(namespace) & set("*$#?") or "//" in namespace:
         raise ValueError("a namespace is a plain key such as uav1, without wildcards")
-    return namespace
+    return Endpoint(scheme, host, port, namespace)

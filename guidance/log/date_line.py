@@ -28,7 +28,14 @@ def cut_line(places: Sequence[Coordinates]) -> list[list[Coordinates]]:
     continuous = unwrapped(places)
     pieces: list[list[Coordinates]] = [continuous[:1]]
     for before, after in pairwise(continuous):
-        for crossing in _crossings(before, after):
+        # A line crosses a date line at most once, because it is shorter than half the Earth.
+        first = _turns(before[0])
+        second = _turns(after[0])
+        if first == second:
+            crossings = []
+        else:
+            crossings = [_at_longitude(before, after, 360.0 * max(first, second) - 180.0)]
+        for crossing in crossings:
             pieces[-1].append(crossing)
             pieces.append([crossing])
         pieces[-1].append(after)
@@ -52,15 +59,6 @@ def cut_ring(ring: Sequence[Coordinates]) -> list[list[Coordinates]]:
 def _turns(longitude_deg: float) -> int:
     """Return in which turn around the Earth a longitude is: 0 within −180° to 180°."""
     return math.floor((longitude_deg + 180.0) / 360.0)
-
-
-def _crossings(before: Coordinates, after: Coordinates) -> list[Coordinates]:
-    """Return where a line crosses a date line: never more than once, because it is shorter than half the Earth."""
-    first = _turns(before[0])
-    second = _turns(after[0])
-    if first == second:
-        return []
-    return [_at_longitude(before, after, 360.0 * max(first, second) - 180.0)]
 
 
 def _at_longitude(before: Coordinates, after: Coordinates, longitude_deg: float) -> Coordinates:

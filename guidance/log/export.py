@@ -193,27 +193,24 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
         drawn.append(
             feature(name, "LineString", [*map(_reported_coordinates, track)], times_s=times_s)
         )
-    return [*drawn, *changes, *_fence(settings, home), *_target_feature(settings)]
-
-
-def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
-    """Draw the fence at the altitude of home."""
-    if home is None:
-        return
-    home_place = home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
-    frame = LocalFrame(*home_place, projection=settings.autopilot.projection)
-    envelope = settings.limits.about_home(settings.cycle.envelope, NOWHERE, frame)
-    for edge in fence_edges(envelope, game_from_ned(NOWHERE)):
-        places = [_coordinates(frame, north_m, east_m) for east_m, north_m, _ in edge.tolist()]
-        yield feature("fence", "Polygon", places)
-
-
-def _target_feature(settings: FlightSettings) -> Iterator[Feature]:
+    target_features = []
     target_m = settings.cycle.target_game_m
     site = settings.cycle.site
     if target_m is not None and site is not None:
         frame = LocalFrame(*site, projection=settings.autopilot.projection)
-        yield feature("target T", "Point", [_coordinates(frame, target_m[1], target_m[0])])
+        target_features.append(
+            feature("target T", "Point", [_coordinates(frame, target_m[1], target_m[0])])
+        )
+    # The fence at the altitude of home.
+    fence_features = []
+    if home is not None:
+        home_place = home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
+        frame = LocalFrame(*home_place, projection=settings.autopilot.projection)
+        envelope = settings.limits.about_home(settings.cycle.envelope, NOWHERE, frame)
+        for edge in fence_edges(envelope, game_from_ned(NOWHERE)):
+            places = [_coordinates(frame, north_m, east_m) for east_m, north_m, _ in edge.tolist()]
+            fence_features.append(feature("fence", "Polygon", places))
+    return [*drawn, *changes, *fence_features, *target_features]
 
 
 def _coordinates(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:

@@ -355,22 +355,18 @@ class _LimitedFile:
             position = self.position
             self._summary = []
             with contextlib.suppress(OSError, *_DAMAGE):
-                self._summary.extend(self._read_summary())
+                self.seek(-_FOOTER_BYTES)
+                opcode, content = self.framed()
+                if opcode == Opcode.FOOTER:
+                    self.seek(Footer.read(ReadDataStream(BytesIO(content))).summary_start)
+                    opcode, content = self.framed()
+                    while opcode != Opcode.FOOTER:
+                        kind = _LISTED.get(opcode)
+                        if kind is not None:
+                            self._summary.append(kind.read(ReadDataStream(BytesIO(content))))
+                        opcode, content = self.framed()
             self.seek(position)
         return self._summary
-
-    def _read_summary(self) -> Iterator[Channel | ChunkIndex | MetadataIndex]:
-        self.seek(-_FOOTER_BYTES)
-        opcode, content = self.framed()
-        if opcode != Opcode.FOOTER:
-            return
-        self.seek(Footer.read(ReadDataStream(BytesIO(content))).summary_start)
-        opcode, content = self.framed()
-        while opcode != Opcode.FOOTER:
-            kind = _LISTED.get(opcode)
-            if kind is not None:
-                yield kind.read(ReadDataStream(BytesIO(content)))
-            opcode, content = self.framed()
 
     def skip_from(self, begin: int) -> bool:
         """Go to the next chunk or metadata record behind `begin`, or to the footer; return whether they are known."""

@@ -115,7 +115,27 @@ def replay(
             raise ConfigError(
                 f"{path}: another version wrote the cycle at {row.now_s:.3f} s: {error}"
             ) from error
-        yield ReplayedCycle(row, outputs, tuple(_differing(row, outputs)))
+        # Their JSON is equal only if every bit is, including the sign of zero.
+        present = cycle_entry(row.now_s, row.inputs, outputs)
+        same: dict[str, Any] = dict.fromkeys(("certificate", "alarm", "timing", "vehicle")) | {
+            "inputs": Inputs()
+        }
+        if row.by is None:
+            same |= {"by": None}
+        recorded_json, present_json = (
+            CYCLE.encode(entry._replace(**same)) for entry in (row, present)
+        )
+        if recorded_json == present_json:
+            differing = []
+        else:
+            before = json.loads(recorded_json)
+            now = json.loads(present_json)
+            differing = [
+                name
+                for name in COMPARED
+                if json.dumps(before.get(name)) != json.dumps(now.get(name))
+            ]
+        yield ReplayedCycle(row, outputs, tuple(differing))
 
 
 def compare(
@@ -178,19 +198,3 @@ def difference_of(pairs: Sequence[VectorPair]) -> Difference:
         float(speeds_m_s.sum()),
         float(speeds_m_s.max(initial=0.0)),
     )
-
-
-def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
-    """Name the outputs that differ: their JSON is equal only if every bit is, including the sign of zero."""
-    present = cycle_entry(row.now_s, row.inputs, outputs)
-    same: dict[str, Any] = dict.fromkeys(("certificate", "alarm", "timing", "vehicle")) | {
-        "inputs": Inputs()
-    }
-    if row.by is None:
-        same |= {"by": None}
-    recorded_json, present_json = (CYCLE.encode(entry._replace(**same)) for entry in (row, present))
-    if recorded_json == present_json:
-        return []
-    before = json.loads(recorded_json)
-    now = json.loads(present_json)
-    return [name for name in COMPARED if json.dumps(before.get(name)) != json.dumps(now.get(name))]

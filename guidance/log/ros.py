@@ -177,7 +177,16 @@ class RosFlight:
     ) -> Iterator[RosMessage]:
         """Yield the messages of a cycle on the wanted topics that are due."""
         changed = self._follow(entry)
-        for topic in self._due(entry.now_s, wanted, changed=changed):
+        due = []
+        for topic in TOPICS:
+            if topic not in wanted:
+                continue
+            if (topic is DIAGNOSTICS and changed) or self._is_due(
+                topic.name, entry.now_s, topic.every_s
+            ):
+                self._sent_s[topic.name] = entry.now_s
+                due.append(topic)
+        for topic in due:
             content = _MAKERS[topic](self, entry)
             if content is not None:
                 yield RosMessage(topic_name(self.name, topic), content)
@@ -204,14 +213,6 @@ class RosFlight:
             stamped = _types("geometry_msgs/msg/PoseStamped")
             self._poses.append(stamped(self._header(entry.now_s), pose))
         return changed
-
-    def _due(self, now_s: float, wanted: Collection[Topic], *, changed: bool) -> Iterator[Topic]:
-        for topic in TOPICS:
-            if topic not in wanted:
-                continue
-            if (topic is DIAGNOSTICS and changed) or self._is_due(topic.name, now_s, topic.every_s):
-                self._sent_s[topic.name] = now_s
-                yield topic
 
     def _is_due(self, name: str, now_s: float, every_s: float) -> bool:
         return now_s - self._sent_s.get(name, -math.inf) >= _EARLY * every_s
@@ -390,10 +391,19 @@ class RosFlight:
         return _types(ros_types.PATH)(self._header(entry.now_s), list(self._poses))
 
     def _diagnostics(self, entry: CycleEntry) -> ros_types.Message:
+        if self._alarm is None:
+            alarm_status = _OK, "none", {"count": 0}
+        else:
+            ago_s = entry.now_s - self._alarm_s
+            values = {"count": self._alarms, "last": self._alarm.words, "ago_s": ago_s}
+            if ago_s > ALARM_SHOWN_S:
+                alarm_status = _OK, "none now", values
+            else:
+                alarm_status = _WARN, self._alarm.words, values
         status = [
             self._status("flight", *self._of_flight(entry)),
             self._status("certificate", *_of_certificate(entry.certificate)),
-            self._status("alarms", *self._of_alarms(entry.now_s)),
+            self._status("alarms", *alarm_status),
         ]
         return _types(ros_types.DIAGNOSTICS)(self._header(entry.now_s, ""), status)
 
@@ -408,15 +418,6 @@ class RosFlight:
         if self._tracking.playing:
             values["evader"] = self._tracking.playing
         return _LEVELS.get(entry.state, _OK), str(entry.state), values
-
-    def _of_alarms(self, now_s: float) -> tuple[int, str, dict[str, Any]]:
-        if self._alarm is None:
-            return _OK, "none", {"count": 0}
-        ago_s = now_s - self._alarm_s
-        values = {"count": self._alarms, "last": self._alarm.words, "ago_s": ago_s}
-        if ago_s > ALARM_SHOWN_S:
-            return _OK, "none now", values
-        return _WARN, self._alarm.words, values
 
     def _status(
         self, part: str, level: int, words: str, values: Mapping[str, Any]

@@ -181,7 +181,13 @@ class Recorder(Record):
                 if isinstance(content, bytes):
                     self._file.add(topic, None, now_s, content)
                 elif isinstance(content, CycleEntry):
-                    self._add_cycle(content)
+                    add = self._file.add
+                    now_s = content.now_s
+                    for report in content.inputs.reports:
+                        add(REPORT.topic, REPORT.schema, report.received_s, REPORT.encode(report))
+                    add(CYCLE.topic, CYCLE.schema, now_s, CYCLE.encode(content))
+                    for topic, schema, message in self._scene.of(content):
+                        add(topic, schema, now_s, to_json(message, inf_nan_mode="null"))
                 else:
                     self._file.add(topic, EVENT.schema, now_s, EVENT.encode(content))
                 if not waiting:
@@ -189,15 +195,6 @@ class Recorder(Record):
         except (OSError, ValueError, TypeError) as error:
             self.failed = str(error)
             waiting.clear()
-
-    def _add_cycle(self, entry: CycleEntry) -> None:
-        add = self._file.add
-        now_s = entry.now_s
-        for report in entry.inputs.reports:
-            add(REPORT.topic, REPORT.schema, report.received_s, REPORT.encode(report))
-        add(CYCLE.topic, CYCLE.schema, now_s, CYCLE.encode(entry))
-        for topic, schema, message in self._scene.of(entry):
-            add(topic, schema, now_s, to_json(message, inf_nan_mode="null"))
 
 
 def part_path(path: Path, part: int) -> Path:

@@ -3,7 +3,7 @@
 from typing import Final, NamedTuple
 
 from guidance.autopilots import Autopilot, Verdict, Wants
-from guidance.autopilots.rules import Judgement, Rule
+from guidance.autopilots.rules import Judgement
 from guidance.messages import ParameterSet
 from guidance.preflight import fence
 from guidance.preflight.parameters import quantities_read, rules_of, single, version_of
@@ -54,22 +54,22 @@ def changes(
             if judgement.verdict not in fit and judgement.set_to is not None:
                 after[rule.name] = single(judgement.set_to)
                 wrong.setdefault(rule.name, judgement)
-    return tuple(
-        _change(rule, facts, after[rule.name], wrong[rule.name])
-        for rule in rules
-        if after[rule.name] != facts.parameters[rule.name]
-    )
-
-
-def _change(rule: Rule, facts: Facts, value: float, judgement: Judgement) -> ParameterChange:
-    reason = judgement.wanted
-    if judgement.why:
-        reason = f"{reason}; {judgement.why}"
-    return ParameterChange(
-        rule.name,
-        rule.read(facts.parameters[rule.name]),
-        rule.read(value),
-        reason,
-        judgement.verdict,
-        ParameterSet(rule.name, value, facts.parameter_types.get(rule.name, _REAL32)),
-    )
+    changed = []
+    for rule in rules:
+        if after[rule.name] != facts.parameters[rule.name]:
+            value = after[rule.name]
+            judgement = wrong[rule.name]
+            reason = judgement.wanted
+            if judgement.why:
+                reason = f"{reason}; {judgement.why}"
+            changed.append(
+                ParameterChange(
+                    rule.name,
+                    rule.read(facts.parameters[rule.name]),
+                    rule.read(value),
+                    reason,
+                    judgement.verdict,
+                    ParameterSet(rule.name, value, facts.parameter_types.get(rule.name, _REAL32)),
+                )
+            )
+    return tuple(changed)

@@ -50,7 +50,9 @@ class EvaderPilot:
         self.position_game_m: Enu | None = None
         self._told: tuple[Home | None, Origin | None, GameFrame | None] = (None, None, None)
 
-    def _located(self) -> Enu | None:
+    def step(self, now_s: float, pursuers_game_m: Sequence[Enu], *, playing: bool) -> None:
+        """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
+        self.vehicle = observe(self.vehicle, self.link.receive())
         home = self.vehicle.latest.get(Home)
         origin = self.vehicle.latest.get(Origin)
         if (home, origin) != self._told[:2]:
@@ -62,16 +64,11 @@ class EvaderPilot:
             )
         local = self.vehicle.latest.get(LocalPosition)
         game_frame = self._told[2]
-        return (
+        position = self.position_game_m = (
             None
             if game_frame is None or local is None
             else game_frame.position_from_ned(local.position_ned_m)
         )
-
-    def step(self, now_s: float, pursuers_game_m: Sequence[Enu], *, playing: bool) -> None:
-        """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
-        self.vehicle = observe(self.vehicle, self.link.receive())
-        position = self.position_game_m = self._located()
         beat = self.vehicle.latest.get(Heartbeat)
         guided = (
             beat is not None and beat.armed and beat.custom_mode == ROVER.custom_modes[Mode.GUIDED]
@@ -92,7 +89,14 @@ class EvaderPilot:
             self._began_s = min(self._began_s, now_s)
             P = np.array(min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position)))
             E = np.array((*position[:2], 0.0))
-            memory = StrategyMemory(self._seen_m_s(now_s, P), now_s - self._began_s)
+            # The pursuer's velocity, from its place in the cycle before; only a user's policy uses it.
+            seen_s, seen_m = self._seen
+            self._seen = (now_s, P)
+            passed_s = now_s - seen_s
+            seen_m_s = np.zeros(3)
+            if 0.0 < passed_s < REPEAT_S:
+                seen_m_s = (P - seen_m) / passed_s
+            memory = StrategyMemory(seen_m_s, now_s - self._began_s)
             asked_m_s = evade(
                 self._strategy,
                 self._game,
@@ -110,15 +114,6 @@ class EvaderPilot:
         elif now_s - self._stood_s >= REPEAT_S:
             self._stood_s = now_s
             self.link.send_setpoint(Setpoint(STILL))
-
-    def _seen_m_s(self, now_s: float, pursuer_m: Array) -> Array:
-        """Return the pursuer's velocity, from its place in the cycle before; only a user's policy uses it."""
-        seen_s, seen_m = self._seen
-        self._seen = (now_s, pursuer_m)
-        passed_s = now_s - seen_s
-        if not 0.0 < passed_s < REPEAT_S:
-            return np.zeros(3)
-        return (pursuer_m - seen_m) / passed_s
 
     def stop(self) -> None:
         """Disarm the vehicle."""

@@ -277,7 +277,16 @@ def advance_held(
     no_run = ~np.isfinite(w[:, 0])
     if no_run.any():
         w = np.where(no_run[:, None], 0.0, w)
-    ahead = ahead._replace(arrival_s=_arrived_s(batch, moment, w))
+    if batch.target_m is None:
+        arrival_s = math.inf
+    else:
+        evader = components(moment.evader_m)
+        x, y, _ = to_target(NUMPY, batch.game, evader, components(batch.target_m))
+        away_m = np.sqrt(x**2 + y**2)
+        closing = x * w[:, 0] + y * w[:, 1]
+        divisor_m = np.where(away_m > 0.0, away_m, 1.0)
+        arrival_s = _zero_s(away_m, -closing / divisor_m)
+    ahead = ahead._replace(arrival_s=arrival_s)
     captured_s = _captured_s(batch, moment, v - w)
     h = _step_s(batch, moment, ahead, captured_s, longest_s)
     slope = (v, w, *turn)
@@ -384,18 +393,6 @@ def _captured_s(batch: Batch, moment: BatchMoment, closing_m_s: Array) -> Array:
     distances = game.pursuer.distances(NUMPY, game.capture_radius_m, beside, height)
     times_s = [_zero_s(distance_m, rate_m_s) for distance_m, rate_m_s in distances]
     return np.asarray(np.max(times_s, axis=0))
-
-
-def _arrived_s(batch: Batch, moment: BatchMoment, run_m_s: Array) -> Real:
-    """Return a lower bound, (n,), of the time until a straight run is at the target, as `_captured_s` does."""
-    if batch.target_m is None:
-        return math.inf
-    evader = components(moment.evader_m)
-    x, y, _ = to_target(NUMPY, batch.game, evader, components(batch.target_m))
-    away_m = np.sqrt(x**2 + y**2)
-    closing = x * run_m_s[:, 0] + y * run_m_s[:, 1]
-    divisor_m = np.where(away_m > 0.0, away_m, 1.0)
-    return _zero_s(away_m, -closing / divisor_m)
 
 
 def _stretched(way_m: Array, rate_m_s: Array) -> tuple[Array, Array]:
@@ -537,15 +534,6 @@ def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_
     return np.column_stack([level_m, height_m]), (beyond, low, high)
 
 
-def _promised(scenario: Scenario, first: Any) -> str:  # noqa: ANN401 - one row
-    """Return the winner that a solution promises: none where a cycle of held velocities could cost the win."""
-    both_m_s = scenario.pursuer.speed_m_s + scenario.evader.believed_speed_m_s
-    least_margin_m = HELD * CYCLE_S * both_m_s
-    if scenario.game == "tad" and first.winner > 0 and first.value < least_margin_m:
-        return winner_name(Winner.UNDECIDED)
-    return winner_name(first.winner)
-
-
 def _outcome(scenario: Scenario, first: Any, last: Any) -> Outcome:  # noqa: ANN401 - one row each
     """Return the outcome of one game, from its solution at engagement and its last moment."""
     end = _NAMES[last.end]
@@ -561,6 +549,13 @@ def _outcome(scenario: Scenario, first: Any, last: Any) -> Outcome:  # noqa: ANN
     limits = itertools.compress(LIMITS, limits_met)
     events = itertools.compress(_EVENTS, happened)
     final_distances = distances_of(scenario, last.pursuer_m, last.evader_m)
+    # None where a cycle of held velocities could cost the win.
+    both_m_s = scenario.pursuer.speed_m_s + scenario.evader.believed_speed_m_s
+    least_margin_m = HELD * CYCLE_S * both_m_s
+    if scenario.game == "tad" and first.winner > 0 and first.value < least_margin_m:
+        promised = winner_name(Winner.UNDECIDED)
+    else:
+        promised = winner_name(first.winner)
     return outcome_of(
         scenario,
         "maths",
@@ -568,7 +563,7 @@ def _outcome(scenario: Scenario, first: Any, last: Any) -> Outcome:  # noqa: ANN
         game_time_s=last.now_s,
         **final_distances,
         predicted=first.value,
-        predicted_winner=_promised(scenario, first),
+        predicted_winner=promised,
         time_needed_s=first.meeting_time_s,
         min_standoff_m=last.standoff_m,
         min_altitude_m=last.altitude_m + scenario.evader.height_m,

@@ -100,24 +100,20 @@ class Player(Section):
         if any(later <= sooner for sooner, later in itertools.pairwise(times)) or len(times) == 1:
             yield "track: needs at least two rows, with increasing times"
             return
-        fast = next(self._too_fast(), None)
-        if fast is not None:
-            from_s, to_s, needed_m_s = fast
-            yield (
-                f"track: from {from_s:g} to {to_s:g} s it needs {needed_m_s:.3g} m/s, but speed_m_s = "
-                f"{self.speed_m_s:g}; raise speed_m_s, or the track would not be followed"
-            )
-
-    def _too_fast(self) -> Iterator[tuple[float, float, float]]:
-        """Yield the parts of the track that are too fast for the player: from, to, s, and the speed needed, m/s."""
+        # The first part of the track that is too fast for the player.
         later = 0
         for row in self.track:
             while later < len(self.track) - 1 and self.track[later][0] - row[0] < _TRACK_PART_S:
                 later += 1
-            duration_s = self.track[later][0] - row[0]
+            to_s = self.track[later][0]
+            duration_s = to_s - row[0]
             way_m = math.dist(row[1:3], self.track[later][1:3])
             if way_m > self.speed_m_s * duration_s + _TRACK_NOISE_M:
-                yield row[0], self.track[later][0], way_m / duration_s
+                yield (
+                    f"track: from {row[0]:g} to {to_s:g} s it needs {way_m / duration_s:.3g} m/s, but speed_m_s = "
+                    f"{self.speed_m_s:g}; raise speed_m_s, or the track would not be followed"
+                )
+                return
 
 
 class Pursuer(Player):

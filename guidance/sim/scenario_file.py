@@ -138,7 +138,23 @@ def read_track(path: Path, player: str, *, key: str) -> list[TrackRow]:
         if path.suffix == ".csv":
             rows = _from_csv(path)
         else:
-            rows = _from_record(path, f"{player}_game_m")
+            part = f"{player}_game_m"
+            rows: list[TrackRow] = []
+            with record_errors(path):
+                for item in scan(path):
+                    if item.topic == CYCLE.topic:
+                        row = json.loads(item.data)
+                    else:
+                        row = {}
+                    certificate = row.get("certificate")
+                    if certificate is None:
+                        continue
+                    now_s = row["now_s"]
+                    # 50 rows a second say no more than 5
+                    if rows and now_s - rows[-1][0] < 0.2 - 1e-6:
+                        continue
+                    x, y, z = certificate[part]
+                    rows.append((float(now_s), float(x), float(y), float(z)))
     except OSError as error:
         raise ConfigError(f"{key}: {path} cannot be read ({error.strerror})") from error
     except (ValueError, KeyError, UnicodeDecodeError, ConfigError) as error:
@@ -200,23 +216,3 @@ def _number(text: str, column: str, row: int) -> float:
     if not math.isfinite(value):
         raise ValueError(f"{cell} is not finite")
     return value
-
-
-def _from_record(path: Path, part: str) -> list[TrackRow]:
-    rows: list[TrackRow] = []
-    with record_errors(path):
-        for item in scan(path):
-            if item.topic == CYCLE.topic:
-                row = json.loads(item.data)
-            else:
-                row = {}
-            certificate = row.get("certificate")
-            if certificate is None:
-                continue
-            now_s = row["now_s"]
-            # 50 rows a second say no more than 5
-            if rows and now_s - rows[-1][0] < 0.2 - 1e-6:
-                continue
-            x, y, z = certificate[part]
-            rows.append((float(now_s), float(x), float(y), float(z)))
-    return rows

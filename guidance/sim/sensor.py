@@ -217,19 +217,19 @@ class SensedEvader:
         elif silent or float(uniform(self._seed, DROPOUT_STREAM, number)) < self._sensor.dropout:
             self._lost += 1
         else:
-            self._on_the_way.append(self._late(self._inexact(report, number), arrival_s))
+            report = self._inexact(report, number)
+            if self._sensor.latency_s != 0.0:
+                # The age stays known, as from an evader that answers TIMESYNC.
+                answer = report.timesync
+                if answer is None and math.isfinite(report.sent_s):
+                    answer = Timesync(
+                        report.received_s,
+                        round(report.sent_s * 1e9),
+                        round(report.received_s * 1e9),
+                    )
+                report = report._replace(received_s=arrival_s, timesync=answer)
+            self._on_the_way.append(report)
         self._last = number
-
-    def _late(self, report: EvaderReport, arrival_s: float) -> EvaderReport:
-        """Delay the arrival; the age stays known, as from an evader that answers TIMESYNC."""
-        if self._sensor.latency_s == 0.0:
-            return report
-        answer = report.timesync
-        if answer is None and math.isfinite(report.sent_s):
-            answer = Timesync(
-                report.received_s, round(report.sent_s * 1e9), round(report.received_s * 1e9)
-            )
-        return report._replace(received_s=arrival_s, timesync=answer)
 
     def _inexact(self, report: EvaderReport, number: int) -> EvaderReport:
         position_m = self._sensor.position_noise_m

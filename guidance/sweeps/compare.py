@@ -130,7 +130,14 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
         first = _selected(rows_a, rows_a[PAIR] == number_a)
         second = _selected(rows_b, rows_b[PAIR] == number_b)
         if paired:
-            first, second = _paired(first, second)
+            # Rows whose grid point and seed occur in both, in order.
+            cases_a = np.rec.fromarrays([first[POINT], first[SEED]])
+            cases_b = np.rec.fromarrays([second[POINT], second[SEED]])
+            _, indices_a, indices_b = np.intersect1d(
+                cases_a, cases_b, assume_unique=True, return_indices=True
+            )
+            first = _selected(first, indices_a)
+            second = _selected(second, indices_b)
             largest += _largest(first, second, column, rows)
         if first[ROW].size or second[ROW].size:
             name_a = " / ".join(a.plan.pairs[number_a])
@@ -157,14 +164,6 @@ def _ends_and_difference(row: Mapping[str, Any]) -> tuple[bool, float]:
 def _selected(rows: Columns, selection: NDArray[Any]) -> Columns:
     """Return the rows of a mask or of indices."""
     return {name: column[selection] for name, column in rows.items()}
-
-
-def _paired(a: Columns, b: Columns) -> tuple[Columns, Columns]:
-    """Return the rows whose grid point and seed occur in both, in order."""
-    cases_a = np.rec.fromarrays([a[POINT], a[SEED]])
-    cases_b = np.rec.fromarrays([b[POINT], b[SEED]])
-    _, first, second = np.intersect1d(cases_a, cases_b, assume_unique=True, return_indices=True)
-    return _selected(a, first), _selected(b, second)
 
 
 def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
@@ -349,7 +348,10 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
             runs = [of_a["run"], of_b["run"]]
         elif isinstance(of_a, list) and isinstance(of_b, list):
             compared = compare_teams(of_a, of_b)
-            parts = _teams(compared)
+            parts = []
+            for name, columns in compared.items():
+                parts.append(Text(f"\n{name}", "italic"))
+                parts.extend(_outcomes(columns))
             runs = [of_a[0]["run"], of_b[0]["run"]]
         else:
             raise ConfigError(f"{a}, {b}: must be two outcomes of teams or none, not one of each")
@@ -360,12 +362,6 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
         return
     for part in parts:
         screen.print(part)
-
-
-def _teams(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table | Text]:
-    for name, columns in compared.items():
-        yield Text(f"\n{name}", "italic")
-        yield from _outcomes(columns)
 
 
 def _valued(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[Any, ...]]:

@@ -8,7 +8,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from guidance.sweeps.axes import Array, Integers
 from guidance.viz.figures import figure_of, legend_below, save_twice
@@ -252,19 +251,6 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
     return figure
 
 
-def _grid_of(
-    groups: Sequence[Mapping[str, Any]], down: Key, across: Key, measure: str
-) -> NDArray[np.float64]:
-    """Return a measure over two keys; NaN where it is unknown."""
-    cells = {}
-    for group in groups:
-        labels = tuple(group["at"].values())
-        cells[labels] = group[measure]["estimate"]
-    points = itertools.product(down.labels, across.labels)
-    values = np.array([cells.get(point) for point in points], dtype=np.float64)
-    return values.reshape(len(down.labels), len(across.labels))
-
-
 def _map(
     report: Mapping[str, Any], down: Key, across: Key, measure: str, name: str
 ) -> Figure | None:
@@ -273,7 +259,15 @@ def _map(
     pursuers = _names(report, "pursuer")
     maps = {}
     for pair in report["policies"]:
-        maps[pair["pursuer"], pair["evader"]] = _grid_of(pair["by_point"], down, across, measure)
+        # NaN where the measure is unknown.
+        groups = pair["by_point"]
+        cells = {}
+        for group in groups:
+            labels = tuple(group["at"].values())
+            cells[labels] = group[measure]["estimate"]
+        points = itertools.product(down.labels, across.labels)
+        grid = np.array([cells.get(point) for point in points], dtype=np.float64)
+        maps[pair["pursuer"], pair["evader"]] = grid.reshape(len(down.labels), len(across.labels))
     finite_values = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
     if not finite_values.size or not np.ptp(finite_values):
         return None

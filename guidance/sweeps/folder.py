@@ -167,7 +167,14 @@ def begin_or_continue(path: Path, plan: Plan, chunk_rows: int | None, workers: i
                 f"--out {path}: has files but no sweep ({MANIFEST}); choose a new folder"
             )
         private_folder(path / ROWS)
-        rows = chunk_rows if chunk_rows else _default_chunk_rows(plan, workers)
+        largest = _LARGEST_CHUNK["teams" if plan.teams else plan.way]
+        if workers == 1:
+            default_rows = min(plan.rows, largest)
+        else:
+            chunks = _CHUNKS_A_WORKER * workers
+            even_rows = math.ceil(plan.rows / chunks)
+            default_rows = min(even_rows, largest)
+        rows = chunk_rows if chunk_rows else default_rows
         manifest = {
             "format": _FORMAT,
             "digest": plan.digest,
@@ -180,15 +187,6 @@ def begin_or_continue(path: Path, plan: Plan, chunk_rows: int | None, workers: i
         text = json.dumps(manifest, indent=1)
         write_whole(path / MANIFEST, text.encode())
     return Folder(path, plan, rows)
-
-
-def _default_chunk_rows(plan: Plan, workers: int) -> int:
-    largest = _LARGEST_CHUNK["teams" if plan.teams else plan.way]
-    if workers == 1:
-        return min(plan.rows, largest)
-    chunks = _CHUNKS_A_WORKER * workers
-    even_rows = math.ceil(plan.rows / chunks)
-    return min(even_rows, largest)
 
 
 def read_folder(path: Path) -> Folder:

@@ -5,7 +5,7 @@ time from the caller. A wrong assignment costs captures, never distance: the veh
 """
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, Final, Literal
 
 from guidance.flight import Event, Flight, Outputs, State
@@ -111,17 +111,6 @@ class Member:
                 self._reports[report.evader] = report
         unheard = [report for report in relayed if not self._hears(report.evader, now_s)]
         states = tuple(mates.values()) if mates else None
-        return states, self._role(now_s, flight), unheard
-
-    def _hears(self, evader: str | None, now_s: float) -> bool:
-        """Whether the vehicle has heard an evader itself lately."""
-        if evader is None:
-            return False
-        heard_s = self._heard_s.get(evader, -math.inf)
-        return now_s - heard_s <= _RELAYED_S
-
-    def _role(self, now_s: float, flight: Flight) -> Role | None:
-        """Return a new role; None keeps the present one. An assignment to an unseen evader is ignored."""
         assigned: tuple[VehicleRole, ...] = ()
         if self.board.roles is not None:
             assigned = self.board.roles.roles
@@ -129,17 +118,27 @@ class Member:
         before = flight.heard.role or self._first
         role = before if own_role is None else Role(own_role.evader, own_role.above_m)
         if role == flight.heard.role:
-            return None
-        if role.evader == before.evader:
-            return role
-        silence_s = flight.tracking.silence_s(now_s, role.evader)
-        is_unseen = silence_s > flight.settings.cycle.evader_timeout_s
-        last_end_s = max(self.board.over.values(), default=-math.inf)
-        waits = now_s - last_end_s < STAYS_S
-        if waits or is_unseen or role.evader in self.board.over:
-            self.board.counts["roles_left_out"] += not waits
-            return before if flight.heard.role is None else None
-        return role
+            new_role = None
+        elif role.evader == before.evader:
+            new_role = role
+        else:
+            silence_s = flight.tracking.silence_s(now_s, role.evader)
+            is_unseen = silence_s > flight.settings.cycle.evader_timeout_s
+            last_end_s = max(self.board.over.values(), default=-math.inf)
+            waits = now_s - last_end_s < STAYS_S
+            if waits or is_unseen or role.evader in self.board.over:
+                self.board.counts["roles_left_out"] += not waits
+                new_role = before if flight.heard.role is None else None
+            else:
+                new_role = role
+        return states, new_role, unheard
+
+    def _hears(self, evader: str | None, now_s: float) -> bool:
+        """Whether the vehicle has heard an evader itself lately."""
+        if evader is None:
+            return False
+        heard_s = self._heard_s.get(evader, -math.inf)
+        return now_s - heard_s <= _RELAYED_S
 
     def changed(self, outputs: Outputs) -> RolesMessage | None:
         """Return the assignment if it differs from that of the last call, or if the vehicle begins to play."""
@@ -271,7 +270,13 @@ class Member:
             return None
         evaders, plane_m = self._evaders_seen(now_s, flight, game_frame)
         vehicles = {}
-        for state, at_s in self._states(own_state, alive):
+        states = []
+        for name, mate in self.board.mates.items():
+            if name in alive and mate.state is not None and mate.state.part != "out":
+                states.append((mate.state, mate.at_s))
+        if own_state.part != "out":
+            states.append((own_state, own_state.sent_s))
+        for state, at_s in states:
             # The mate has kept its velocity since it said so.
             position_ned_m = frame.ned_from_wgs84(*state.place) + (now_s - at_s) * Ned(
                 state.velocity_ned_m_s
@@ -299,16 +304,6 @@ class Member:
             heights_m.append(z)
         plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
         return evaders, plane_m
-
-    def _states(
-        self, own_state: StateMessage, alive: Collection[str]
-    ) -> Iterator[tuple[StateMessage, float]]:
-        """Yield the states of the vehicles that can play, and when they were."""
-        for name, mate in self.board.mates.items():
-            if name in alive and mate.state is not None and mate.state.part != "out":
-                yield mate.state, mate.at_s
-        if own_state.part != "out":
-            yield own_state, own_state.sent_s
 
 
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:

@@ -445,17 +445,15 @@ def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) 
     _draw_way_to_target(axes, scenario, (float(x), float(y)), colour)
     teams = teams_of(scenario)
     for role, i in pursuers.items():
-        _draw_pair(axes, role, teams.pursuers_m[i], (float(x), float(y)))
+        # A line from each matched pursuer to the meeting point.
+        pursuer_m = teams.pursuers_m[i]
+        meeting_m = (float(x), float(y))
+        dashes: Style = {"first": "-", "second": (0, (2, 1.5))}
+        line = {"color": "0.2", "linewidth": 1.4, "linestyle": dashes[role], "zorder": 4}
+        x, y = meeting_m
+        axes.plot([pursuer_m[0], x], [pursuer_m[1], y], **line, label=f"matched, {role}")
     star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
     axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
-
-
-def _draw_pair(axes: Any, role: str, pursuer_m: Array, meeting_m: tuple[float, float]) -> None:  # noqa: ANN401
-    """Draw a line from a matched pursuer to the meeting point."""
-    dashes: Style = {"first": "-", "second": (0, (2, 1.5))}
-    line = {"color": "0.2", "linewidth": 1.4, "linestyle": dashes[role], "zorder": 4}
-    x, y = meeting_m
-    axes.plot([pursuer_m[0], x], [pursuer_m[1], y], **line, label=f"matched, {role}")
 
 
 def _draw_way_to_target(

@@ -498,7 +498,13 @@ def _alarms(team: TeamStory) -> str:
 def team_summary(team: TeamStory) -> Iterator[TableRow]:
     """Yield a row for each player."""
     for name, flight in team.flights.items():
-        against = ", then ".join(_role_words(now_s, role) for now_s, role in _roles(flight))
+        role_words = []
+        for now_s, role in _roles(flight):
+            height = ""
+            if role.above_m:
+                height = f" ({role.above_m:g} m above)"
+            role_words.append(f"{role.evader}{height} from {now_s:.1f} s")
+        against = ", then ".join(role_words)
         captured = [
             f"captured {evader}"
             for evader, capture in team.captures.items()
@@ -518,10 +524,3 @@ def team_summary(team: TeamStory) -> Iterator[TableRow]:
         yield name, "; ".join(parts)
     for name in team.evaders:
         yield name, team.verdict(name)
-
-
-def _role_words(now_s: float, role: Role) -> str:
-    height = ""
-    if role.above_m:
-        height = f" ({role.above_m:g} m above)"
-    return f"{role.evader}{height} from {now_s:.1f} s"

@@ -211,18 +211,18 @@ class MavlinkEvader:
             sequence=frame.sequence,
             impostors=impostors if impostors > 0 else None,
         )
-        return [report if self._answer is None else self._with_answer(report, self._answer)]
-
-    def _with_answer(self, report: EvaderReport, answer: Timesync) -> EvaderReport:
+        answer = self._answer
         self._answer = None
+        if answer is None:
+            return [report]
         ours_s = 0.5 * (answer.local_ns / 1e9 + answer.received_s)
         theirs_less_ours_s = answer.remote_ns / 1e9 - ours_s
         delay_s = report.received_s - (report.sent_s - theirs_less_ours_s)
         if not -_CLOCKS_AGREE_S < delay_s < _MAX_DELAY_S:
             self._counts["clock_disagrees"] += 1
-            return report
+            return [report]
         self._counts["clock_answers"] += 1
-        return report._replace(timesync=answer)
+        return [report._replace(timesync=answer)]
 
     def counters(self) -> Mapping[str, int]:
         """Return the number of reports, of refused ones by reason, and the wire's counts."""

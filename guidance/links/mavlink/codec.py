@@ -258,7 +258,16 @@ def request(
                 *to, _parameter_name(request.name), -1
             )
         case messages.ParameterSet():
-            value = _parameter_value(request, autopilot)
+            name = request.name
+            value = request.value
+            if not math.isfinite(value):
+                raise ValueError(f"parameter {name} = {value}: only finite values can be set")
+            if is_bytewise(request.param_type, autopilot=autopilot):
+                if not (value.is_integer() and 0 <= value <= _MAX_BYTEWISE):
+                    raise ValueError(
+                        f"parameter {name} = {value:g}: it must be an integer from 0 to {_MAX_BYTEWISE}"
+                    )
+                value = float(struct.unpack("<f", struct.pack("<i", int(value)))[0])
             return mavlink.MAVLink_param_set_message(
                 *to, _parameter_name(request.name), value, request.param_type
             )
@@ -293,20 +302,6 @@ def _parameter_name(name: str) -> bytes:
     if not 0 < len(encoded) <= 16:
         raise ValueError(f"parameter {name!r}: a name has 1 to 16 bytes")
     return encoded
-
-
-def _parameter_value(wanted: messages.ParameterSet, autopilot: int | None) -> float:
-    name = wanted.name
-    value = wanted.value
-    if not math.isfinite(value):
-        raise ValueError(f"parameter {name} = {value}: only finite values can be set")
-    if not is_bytewise(wanted.param_type, autopilot=autopilot):
-        return value
-    if not (value.is_integer() and 0 <= value <= _MAX_BYTEWISE):
-        raise ValueError(
-            f"parameter {name} = {value:g}: it must be an integer from 0 to {_MAX_BYTEWISE}"
-        )
-    return float(struct.unpack("<f", struct.pack("<i", int(value)))[0])
 
 
 def _e7(angle_deg: float) -> int:

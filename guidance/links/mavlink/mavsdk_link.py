@@ -104,16 +104,16 @@ class MavsdkLink(PymavlinkLink):
 
     def hear(self, frame: Frame, received_s: float) -> None:
         """Take one message of the vehicle, and pass it on to MAVSDK if needed; raises as the other link's."""
-        if frame.name in _SHOWN and not self._is_anothers_heartbeat(frame):
+        # MAVSDK would believe a HEARTBEAT that another program sent with the vehicle's ids.
+        is_anothers = (
+            frame.name == "HEARTBEAT"
+            and self.autopilot is not None
+            and frame.fields.autopilot != self.autopilot
+        )
+        if frame.name in _SHOWN and not is_anothers:
             self._mavsdk.pass_received_raw_bytes(frame.data)
         if frame.name in USED:
             super().hear(frame, received_s)
-
-    def _is_anothers_heartbeat(self, frame: Frame) -> bool:
-        """Whether another program sent this HEARTBEAT with the vehicle's ids. MAVSDK would believe it."""
-        if frame.name != "HEARTBEAT" or self.autopilot is None:
-            return False
-        return bool(frame.fields.autopilot != self.autopilot)
 
     @property
     def heard(self) -> bool:

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.mavlink.frames import Frame, FrameReader, SignatureCheck
+from guidance.links.mavlink.frames import FrameReader, SignatureCheck
 from guidance.links.port import Clock
 from guidance.links.wires.streams import StreamWire
 
@@ -142,7 +142,13 @@ class TcpInWire(StreamWire):
             return
         # All frames are judged, even after one that proves the caller: what is old is known then.
         frames = caller.reader.split(data)
-        verdicts = [self._shows_vehicle(frame) for frame in frames]
+        verdicts = []
+        for frame in frames:
+            if self._systems is not None and frame.system_id not in self._systems:
+                verdicts.append(False)
+            else:
+                check = self._checks.get(frame.system_id)
+                verdicts.append(check is None or check.problem(frame) is None)
         is_valid = any(verdicts)
         if caller is self._proven:
             self._arrivals.put((self._clock(), data))
@@ -160,12 +166,6 @@ class TcpInWire(StreamWire):
             caller.unproven = b""
         elif len(caller.unproven) > MOST_UNPROVEN_BYTES:
             self._drop(caller)
-
-    def _shows_vehicle(self, frame: Frame) -> bool:
-        if self._systems is not None and frame.system_id not in self._systems:
-            return False
-        check = self._checks.get(frame.system_id)
-        return check is None or check.problem(frame) is None
 
     def _drop(self, caller: _Caller) -> None:
         if caller is self._proven:

@@ -7,7 +7,7 @@ has for itself, is sent home or landed and watched until it is disarmed.
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Final, NamedTuple
 
@@ -159,13 +159,15 @@ class Mission(CycleHooks):
             {vehicle.pursuit.evader: EvaderResult() for vehicle in self.vehicles},
             {daemon.name: daemon.team for daemon in self.daemons if daemon.team is not None},
         )
-        self._pursuers = {evader: self._pursuers_of(evader) for evader in self.world.players}
-
-    def _pursuers_of(self, evader: str) -> Sequence["VehicleMission"]:
-        """Return the vehicles that may play against an evader: in a team all of them."""
-        if self.result.members:
-            return self.vehicles
-        return [vehicle for vehicle in self.vehicles if vehicle.pursuit.evader == evader]
+        # In a team all vehicles may play against an evader.
+        self._pursuers = {
+            evader: [
+                vehicle
+                for vehicle in self.vehicles
+                if self.result.members or vehicle.pursuit.evader == evader
+            ]
+            for evader in self.world.players
+        }
 
     def fly(self, signals: Signals | None = None) -> MissionResult:
         """Fly to the end. The caller closes the world.

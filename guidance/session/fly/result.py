@@ -335,16 +335,14 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
     cycle = flights[0].cycle
     pursuers = [flight.cycle.game.pursuer for flight in flights]
     game = between(cycle.game, pursuers, teams.evader_speed_m_s)
-    P = np.array([_pursuer_at(flight, began_s) for flight in flights])
+    places_m = []
+    for flight in flights:
+        track = [(sample.now_s, sample.pursuer_m) for sample in flight.samples]
+        places_m.append(_at(track, began_s))
+    P = np.array(places_m)
     E = np.array([_at(result.evaders[name].track, began_s) for name in names]) * [1.0, 1.0, 0.0]
     first = match_teams(game, P, E, cycle.target_game_m)
     return outcomes_of(scenario, way, teams, first, ends)
-
-
-def _pursuer_at(flight: FlightResult, now_s: float) -> Enu:
-    """Return the last place of a vehicle until a time."""
-    track = [(sample.now_s, sample.pursuer_m) for sample in flight.samples]
-    return _at(track, now_s)
 
 
 def _engaged_s(flight: FlightResult) -> float:

@@ -9,7 +9,6 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from guidance.cycle import Certificate
 from guidance.flight import (
     FINAL,
     Authority,
@@ -252,7 +251,13 @@ def texts_of(outputs: Outputs, unit: str) -> list[_Text]:
             if happening.by is Authority.OPERATOR:
                 change_words = f"{state} by operator"
             elif happening.after is State.ENGAGED and outputs.certificate is not None:
-                change_words = f"{state}, {_promise_words(outputs.certificate, unit)}"
+                if unit == "s":
+                    promise_words = f"{outputs.certificate.time_needed_s:.0f} s to stand-off"
+                else:
+                    promise_words = (
+                        f"evader {outputs.certificate.assured_distance_m:.0f} m from its target"
+                    )
+                change_words = f"{state}, {promise_words}"
             elif happening.event in SEVERE:
                 change_words = f"{state}: {happening.words}"
             else:
@@ -271,9 +276,3 @@ def severity_of(happening: Happening) -> int:
     if happening.event in SEVERE:
         return WARNING
     return NOTICE if happening.after in _LOUD else INFO
-
-
-def _promise_words(certificate: Certificate, unit: str) -> str:
-    if unit == "s":
-        return f"{certificate.time_needed_s:.0f} s to stand-off"
-    return f"evader {certificate.assured_distance_m:.0f} m from its target"

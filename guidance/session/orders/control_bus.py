@@ -111,7 +111,9 @@ def control_bus(
 
     def hear(query: "zenoh.Query") -> None:
         """On Zenoh's thread, which must not wait. Queries never keep an order out."""
-        if not _is_read(query, mailbox) or query.parameters.get(TEAM) not in {None, team}:
+        small = is_small(query)
+        mailbox.oversized += not small
+        if not small or query.parameters.get(TEAM) not in {None, team}:
             query.drop()  # type: ignore[no-untyped-call]
             return
         word = str(query.key_expr).rpartition("/")[2]
@@ -150,13 +152,6 @@ def control_bus(
             close_all, session.declare_queryable(control_key(name, "*"), hear).undeclare
         )
         yield session
-
-
-def _is_read(query: "zenoh.Query", mailbox: Mailbox) -> bool:
-    if is_small(query):
-        return True
-    mailbox.oversized += 1
-    return False
 
 
 @contextlib.contextmanager

@@ -135,7 +135,16 @@ def order_team(
     if order not in _ALL_OR_NONE:
         return list(asked(order).values())
     statuses = asked(STATUS)
-    reasons = {name: _reason_against(order, status) for name, status in statuses.items()}
+    reasons = {}
+    for name, status in statuses.items():
+        if status.get("reason"):
+            reasons[name] = str(status["reason"])
+        else:
+            foreseen = status.get("refused_orders")
+            if foreseen is None or order not in foreseen:
+                reasons[name] = "its status does not say whether it would follow"
+            else:
+                reasons[name] = str(foreseen[order])
     if not any(reasons.values()):
         return list(asked(order).values())
     others = f"waits for {', '.join(name for name, reason in reasons.items() if reason)}"
@@ -171,16 +180,6 @@ def _team_answers(
         name: answers.get(name, refused(name, order, "not heard", silence))
         for name in sorted(expected)[:_MAX_VEHICLES]
     }
-
-
-def _reason_against(order: str, status: Answer) -> str:
-    """Say why a vehicle would refuse an order, by its status; empty if it would follow."""
-    if status.get("reason"):
-        return str(status["reason"])
-    foreseen = status.get("refused_orders")
-    if foreseen is None or order not in foreseen:
-        return "its status does not say whether it would follow"
-    return str(foreseen[order])
 
 
 def replies(

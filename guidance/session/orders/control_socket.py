@@ -139,18 +139,23 @@ class ControlSocket:
         ):
             connection.settimeout(_ASKED_WITHIN_S)
             request = json.loads(connection.makefile("rb", _BUFFER_BYTES).readline(_LONGEST_ORDER))
-            connection.sendall(written(self._answer_to(request)) + b"\n")
-
-    def _answer_to(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
-        if not hmac.compare_digest(str(request.get("token")).encode(), self._token.secret.encode()):
-            return {"error": "the token is not this daemon's"}
-        by = name_in(str(request.get("by", "")).encode())
-        if self._pass_on is not None and "team_order" in request:
-            return self._answer_of_team(request, self._pass_on, by)
-        if request.get("name") not in {None, self._name}:
-            return {"error": f"--name {request['name']}: the daemon there is {self._name}"}
-        answer = self._answer(str(request.get("order")), by)
-        return {"name": self._name, **answer} | {"name": self._name}
+            answer: Mapping[str, Any]
+            if not hmac.compare_digest(
+                str(request.get("token")).encode(), self._token.secret.encode()
+            ):
+                answer = {"error": "the token is not this daemon's"}
+            else:
+                by = name_in(str(request.get("by", "")).encode())
+                if self._pass_on is not None and "team_order" in request:
+                    answer = self._answer_of_team(request, self._pass_on, by)
+                elif request.get("name") not in {None, self._name}:
+                    answer = {
+                        "error": f"--name {request['name']}: the daemon there is {self._name}"
+                    }
+                else:
+                    answered = self._answer(str(request.get("order")), by)
+                    answer = {"name": self._name, **answered} | {"name": self._name}
+            connection.sendall(written(answer) + b"\n")
 
     def _answer_of_team(
         self, request: Mapping[str, Any], pass_on: PassOn, by: str
