@@ -81,17 +81,11 @@ def lines_of(text: str, locations: Sequence[Location]) -> list[int | None]:
                 break
             if first_lines[above] is None:
                 first_lines[above] = number
-    return [_nearest(first_lines, location) for location in locations]
-
-
-def _nearest(
-    first_lines: Mapping[tuple[str | int, ...], int | None], location: Location
-) -> int | None:
-    for count in range(len(location), 0, -1):
-        line = first_lines[tuple(location[:count])]
-        if line is not None:
-            return line
-    return None
+    nearest: list[int | None] = []
+    for location in locations:
+        above = (first_lines[tuple(location[:count])] for count in range(len(location), 0, -1))
+        nearest.append(next((line for line in above if line is not None), None))
+    return nearest
 
 
 def _statements(text: str) -> Iterator[tuple[int, tuple[str | int, ...]]]:

@@ -258,7 +258,18 @@ def fly_scenario(
         result, rows, folder = fly_rows(target, scenario, path.stem, how, out, onlooker)
     except FlightError as error:
         beside = () if isinstance(how, MockOptions) else how.parameters
-        raise FlightError(_advised(str(error), name, urls, beside)) from error
+        # With the URLs, if there are any, and the commands that set the vehicles up.
+        refusal = str(error)
+        scenario_word = f"{name} " if len(urls) == 1 else ""  # `check` plays no teams
+        mend = ""
+        for url, mavlink_url in zip_longest(urls, beside):
+            options = f"--vehicle {url}"
+            if is_px4(url):
+                options += f" --parameters {mavlink_url or 'udpin://127.0.0.1:14540'}"
+            mend += f"\nto have it set up: guidance check {scenario_word}{options} --apply"
+        advice = mend if refusal.startswith("preflight refuses") else ""
+        advised = f"{' '.join(urls)}: {refusal}{advice}" if urls else refusal
+        raise FlightError(advised) from error
     flights = [*result.vehicles.values()]
     unwritten = [flight.record_stopped for flight in flights if flight.record_stopped]
     if isinstance(scenario, TeamScenario):
@@ -362,19 +373,6 @@ def fly_rows(
             [outcome_of_flight(flight, how.way) for flight in result.vehicles.values()],
             folder,
         )
-
-
-def _advised(refusal: str, name: str, urls: Sequence[str], beside: Sequence[str]) -> str:
-    """Return a refusal with the URLs, if there are any, and the commands that set the vehicles up."""
-    scenario = f"{name} " if len(urls) == 1 else ""  # `check` plays no teams
-    mend = ""
-    for url, mavlink_url in zip_longest(urls, beside):
-        options = f"--vehicle {url}"
-        if is_px4(url):
-            options += f" --parameters {mavlink_url or 'udpin://127.0.0.1:14540'}"
-        mend += f"\nto have it set up: guidance check {scenario}{options} --apply"
-    advice = mend if refusal.startswith("preflight refuses") else ""
-    return f"{' '.join(urls)}: {refusal}{advice}" if urls else refusal
 
 
 class LiveLine:

@@ -17,7 +17,7 @@ from guidance.cli.arguments import Json, refuse
 from guidance.errors import ConfigError
 from guidance.extras import require_extras
 from guidance.files import writing
-from guidance.game import Ball, Cylinder, Game, Reason, Solution, StandOff, Winner
+from guidance.game import Ball, Cylinder, Game, Reason, Solution, SpeedSet, StandOff, Winner
 from guidance.game import solve as solve_game
 from guidance.screen import console, pairs, sheet
 
@@ -69,13 +69,9 @@ def solve(
     if speed_ratio is not None and not (math.isfinite(speed_ratio) and speed_ratio > 1):
         raise ConfigError(f"--speed-ratio = {speed_ratio!r}: must be a finite number above 1")
     # With neither, a file of states has the ratio of each row.
-    ratio = speed_ratio
+    speeds: SpeedSet = Ball((2.0 if speed_ratio is None else speed_ratio) * evader_speed)
     if cylinder is not None:
         speeds = Cylinder(*_numbers("--cylinder", cylinder, 3))
-    else:
-        if ratio is None:
-            ratio = 2.0
-        speeds = Ball(ratio * evader_speed)
     disc = StandOff(*_numbers("--standoff", standoff, 2))
     game = Game(speeds, evader_speed, standoff=disc)
     if states is not None:

@@ -94,7 +94,13 @@ def listen(rivals: SourceMemory, report: SourceReport, settings: TrackSettings) 
     now_s = report.told.received_s
     sent_s = report.told.sent_s
     newest_sent_s = max(rivals.newest_sent_s, sent_s)
-    if not sent_s > rivals.newest_sent_s and _has_arrived(rivals.recent, report.told):
+    same_stamp = [past.told for past in rivals.recent if past.told.sent_s == sent_s]
+    has_arrived = any(
+        past.latitude_deg == report.told.latitude_deg
+        and past.longitude_deg == report.told.longitude_deg
+        for past in same_stamp
+    )
+    if not sent_s > rivals.newest_sent_s and has_arrived:
         report = report._replace(is_copy=True)
     recent = (*rivals.recent[-_MAX_REPORTS + 1 :], report)
     # A report, after the one before it, can count as a sign of a second source.
@@ -128,15 +134,6 @@ def listen(rivals: SourceMemory, report: SourceReport, settings: TrackSettings) 
 
 def _is_apart(report: SourceReport) -> bool:
     return abs(report.told.received_s - report.measured.time_s) > _CLOCKS_APART_S
-
-
-def _has_arrived(recent: Sequence[SourceReport], told: EvaderReport) -> bool:
-    sent_s = told.sent_s
-    same_stamp = [past.told for past in recent if past.told.sent_s == sent_s]
-    return any(
-        past.latitude_deg == told.latitude_deg and past.longitude_deg == told.longitude_deg
-        for past in same_stamp
-    )
 
 
 def _in_place(recent: Sequence[SourceReport], settings: TrackSettings) -> bool:

@@ -156,7 +156,9 @@ def _zero_of_slope(xp: Library, course: MarginEdge, bracket: Bracket) -> Spot:
     position = bracket.trial
     for _ in range(CURVED_STEPS):
         pose = course.pose(xp, position)
-        position = _halley(position, pose)
+        # Halley's next position; it is arbitrary where the slope falls.
+        step = pose.slope / pose.bend
+        position = position - step / (1.0 - 0.5 * step * pose.twist / pose.bend)
     inside = (pose.bend > 0.0) & (position > bracket.low) & (position < bracket.high)
     return in_rows(
         (inside & (abs(pose.slope) * course.v <= NEARLY)) == 0,
@@ -173,12 +175,6 @@ def _bracketed(xp: Library, course: MarginEdge, bracket: Bracket) -> Spot:
     trial = xp.select(inside, bracket.trial, _secant(xp, bracket))
     steps = TRACED_STEPS if xp.differentiates else STEPS
     return _stepped(xp, course, bracket._replace(trial=trial), 0.0 * trial, steps)
-
-
-def _halley(position: Real, pose: Pose) -> Real:
-    """Return Halley's next position; it is arbitrary where the slope falls."""
-    step = pose.slope / pose.bend
-    return position - step / (1.0 - 0.5 * step * pose.twist / pose.bend)
 
 
 def _stepped(xp: Library, course: MarginEdge, bracket: Bracket, sign: Real, steps: int) -> Spot:

@@ -145,7 +145,11 @@ def way_along(
     start = _set_out(hunt, aim.s)
     flat = is_zero(hunt.radius)
     disc = STILL if flat else along2(start.n, aim.disc)
-    t, delta = _captured(xp, hunt, start, disc)
+    # When the virtual pursuer captures, and the root of `ball_time`.
+    y = start.to_end if flat else plus2(start.to_end, -hunt.radius, disc)
+    beyond = dot2(y, y) + hunt.z2 - hunt.capture * hunt.capture
+    half = _along(hunt, start.air, y) - hunt.u * hunt.capture
+    t, delta = ball_time(xp, start.hand, half, beyond)
     if with_height:
         at = _after(hunt, start.air, hunt.met_s, start.to_end)
         inside = dot2(at, at) <= hunt.met_m * hunt.met_m
@@ -200,14 +204,6 @@ def _set_out(hunt: Hunt, s: Real) -> Start:
         return Start(n, to_end, (hunt.v, 0.0), hunt.hand)
     air = (hunt.v - dot2(wind, n), cross2(wind, n))
     return Start(n, to_end, air, hunt.hand + 2.0 * hunt.v * head_wind(wind, n))
-
-
-def _captured(xp: Library, hunt: Hunt, start: Start, disc: Plane) -> tuple[Real, Real]:
-    """Return when the virtual pursuer captures, and the root of `ball_time`."""
-    y = start.to_end if is_zero(hunt.radius) else plus2(start.to_end, -hunt.radius, disc)
-    beyond = dot2(y, y) + hunt.z2 - hunt.capture * hunt.capture
-    half = _along(hunt, start.air, y) - hunt.u * hunt.capture
-    return ball_time(xp, start.hand, half, beyond)
 
 
 def _towards_end(xp: Library, hunt: Hunt, start: Start, t: Real) -> tuple[Plane, Real]:

@@ -29,7 +29,7 @@ its velocity is unknown, the pursuer goes straight down. The evader keeps its ob
 
 from typing import Any, NamedTuple
 
-from guidance.game.arrays import Library, Plane, Real, Space, Truth, dot2
+from guidance.game.arrays import Library, Plane, Real, Space, dot2
 from guidance.game.extent import to_set
 from guidance.game.game import STILL, Game, Reason, Winner, head_wind, speed_in_hand
 from guidance.game.meeting_times import climb
@@ -145,7 +145,12 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
             gap = gap - game.capture_radius_m
         above = free & (t > 0) & (gap + v * t > 0)
         reason = xp.select(above, int(Reason.OVERHEAD), int(Reason.SOLVED))
-        velocity = _above(xp, game, state, above, velocity)
+        if not game.pursuer.separate:
+            # Right above the evader it copies the evader's velocity, and uses the rest of its speed vertically.
+            copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
+            vertical = game.pursuer.vertical(xp, state.hold, state.z)
+            level = xp.select2(above, copied, (velocity[0], velocity[1]))
+            velocity = *level, xp.select(above, vertical, velocity[2])
     return StateSolution(
         winner=int(Winner.PURSUER),
         value=t,
@@ -156,17 +161,6 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
         evader_velocity_m_s=(v * direction[0], v * direction[1], 0.0),
         reason=xp.select(t > 0, reason, int(Reason.CAPTURED)),
     )
-
-
-def _above(xp: Library, game: Game, state: Geometry, above: Truth, velocity: Space) -> Space:
-    """Return the velocity of a pursuer that is right above the evader in some rows."""
-    if game.pursuer.separate:
-        return velocity
-    # It copies the evader's velocity, and uses the rest of its speed vertically.
-    copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
-    vertical = game.pursuer.vertical(xp, state.hold, state.z)
-    level = xp.select2(above, copied, (velocity[0], velocity[1]))
-    return *level, xp.select(above, vertical, velocity[2])
 
 
 def escape(xp: Library, game: Game, to_evader: Plane, z: Real) -> tuple[Real, Plane, Real]:

@@ -191,7 +191,21 @@ def _summed_up(
     relative = np.full(len(regret), np.nan)
     if contest.scenario.target is None:
         relative = regret / value
-    rate, median, p95, share = _estimates(contest.seed, won, regret, relative)
+    # The resampled games are the same for every pair, so that pairs can be compared.
+    count = len(won)
+    samples = np.empty((RESAMPLES, 4))
+    for number in range(RESAMPLES):
+        places = uniform(
+            np.int64(contest.seed), BOOTSTRAP_STREAM, np.arange(count) + number * count
+        )
+        picked = (places * count).astype(np.intp)
+        samples[number] = _statistics(won[picked], regret[picked], relative[picked])
+    bounds = np.quantile(samples, CONFIDENCE, axis=0)
+    numbers = _statistics(won, regret, relative)
+    rate, median, p95, share = [
+        IntervalEstimate(float(value), float(low), float(high))
+        for value, low, high in zip(numbers, *bounds, strict=True)
+    ]
     return Row(
         player,
         opponent,
@@ -204,25 +218,6 @@ def _summed_up(
         float(regret.max()),
         share,
     )
-
-
-def _estimates(seed: int, won: Array, regret: Array, relative: Array) -> list[IntervalEstimate]:
-    """Return share won, median and 95 % of the regret and median of the relative regret, with bootstrap intervals.
-
-    The resampled games are the same for every pair, so that pairs can be compared.
-    """
-    count = len(won)
-    samples = np.empty((RESAMPLES, 4))
-    for number in range(RESAMPLES):
-        places = uniform(np.int64(seed), BOOTSTRAP_STREAM, np.arange(count) + number * count)
-        picked = (places * count).astype(np.intp)
-        samples[number] = _statistics(won[picked], regret[picked], relative[picked])
-    bounds = np.quantile(samples, CONFIDENCE, axis=0)
-    numbers = _statistics(won, regret, relative)
-    return [
-        IntervalEstimate(float(value), float(low), float(high))
-        for value, low, high in zip(numbers, *bounds, strict=True)
-    ]
 
 
 def _statistics(won: Array, regret: Array, relative: Array) -> tuple[Any, ...]:

@@ -46,7 +46,13 @@ def write_bag(records: Mapping[str, Path], out: Path, settings_of: SettingsOf) -
         OutputError: If the bag cannot be written.
     """
     ros_types.prepare(f"{out} (a ROS 2 bag)")
-    names = {_name_of(name, path): path for name, path in records.items()}
+    names = dict[str, Path]()
+    for name, path in records.items():
+        first = next(cycles_of(path), None)
+        if first is None:
+            raise ConfigError(f"{path}: has no cycle: no bag was written")
+        vehicle = "vehicle" if first.vehicle is None else first.vehicle
+        names[name if name else vehicle] = path
     if len(set(map(ros_name, names))) < len(names):
         raise ConfigError(f"{', '.join(names)}: two of these names are one in ROS; rename a folder")
     messages = [_messages(name, path, settings_of) for name, path in names.items()]
@@ -55,16 +61,6 @@ def write_bag(records: Mapping[str, Path], out: Path, settings_of: SettingsOf) -
         with whole_folder(out) as unfinished:
             count = _write(heapq.merge(*messages), unfinished)
     return f"{count} messages"
-
-
-def _name_of(name: str, path: Path) -> str:
-    """Return the name of a record's vehicle."""
-    first = next(cycles_of(path), None)
-    if first is None:
-        raise ConfigError(f"{path}: has no cycle: no bag was written")
-    if name:
-        return name
-    return "vehicle" if first.vehicle is None else first.vehicle
 
 
 def _messages(name: str, path: Path, settings_of: SettingsOf) -> Iterator[_Timed]:

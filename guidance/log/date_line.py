@@ -31,11 +31,8 @@ def cut_line(places: Sequence[Coordinates]) -> list[list[Coordinates]]:
         # A line crosses a date line at most once, because it is shorter than half the Earth.
         first = _turns(before[0])
         second = _turns(after[0])
-        if first == second:
-            crossings = []
-        else:
-            crossings = [_at_longitude(before, after, 360.0 * max(first, second) - 180.0)]
-        for crossing in crossings:
+        if first != second:
+            crossing = _at_longitude(before, after, 360.0 * max(first, second) - 180.0)
             pieces[-1].append(crossing)
             pieces.append([crossing])
         pieces[-1].append(after)
@@ -44,7 +41,9 @@ def cut_line(places: Sequence[Coordinates]) -> list[list[Coordinates]]:
 
 def cut_ring(ring: Sequence[Coordinates]) -> list[list[Coordinates]]:
     """Return the pieces of a closed ring, each closed, anticlockwise and within −180° to 180°."""
-    continuous = _anticlockwise(unwrapped(ring))
+    continuous = unwrapped(ring)
+    if not _area(continuous) > 0.0:
+        continuous.reverse()
     first = _turns(min(coordinates[0] for coordinates in continuous))
     last = _turns(max(coordinates[0] for coordinates in continuous))
     pieces = []
@@ -94,7 +93,3 @@ def _beyond(ring: Sequence[Coordinates], longitude_deg: float, *, side: float) -
 def _area(ring: Sequence[Coordinates]) -> float:
     """Return twice the signed area of a closed ring, degrees²; positive if it is anticlockwise."""
     return sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(ring))
-
-
-def _anticlockwise(ring: list[Coordinates]) -> list[Coordinates]:
-    return ring if _area(ring) > 0.0 else ring[::-1]

@@ -391,19 +391,20 @@ class RosFlight:
         return _types(ros_types.PATH)(self._header(entry.now_s), list(self._poses))
 
     def _diagnostics(self, entry: CycleEntry) -> ros_types.Message:
-        if self._alarm is None:
-            alarm_status = _OK, "none", {"count": 0}
-        else:
+        alarm_level = _OK
+        alarm_words = "none"
+        alarm_values: dict[str, Any] = {"count": self._alarms}
+        if self._alarm is not None:
             ago_s = entry.now_s - self._alarm_s
-            values = {"count": self._alarms, "last": self._alarm.words, "ago_s": ago_s}
-            if ago_s > ALARM_SHOWN_S:
-                alarm_status = _OK, "none now", values
-            else:
-                alarm_status = _WARN, self._alarm.words, values
+            alarm_values |= {"last": self._alarm.words, "ago_s": ago_s}
+            alarm_words = "none now"
+            if ago_s <= ALARM_SHOWN_S:
+                alarm_level = _WARN
+                alarm_words = self._alarm.words
         status = [
             self._status("flight", *self._of_flight(entry)),
             self._status("certificate", *_of_certificate(entry.certificate)),
-            self._status("alarms", *alarm_status),
+            self._status("alarms", alarm_level, alarm_words, alarm_values),
         ]
         return _types(ros_types.DIAGNOSTICS)(self._header(entry.now_s, ""), status)
 

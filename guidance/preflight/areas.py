@@ -112,7 +112,10 @@ def acts_inside(
         edge_m = edge_m[_inside_ours(ours, edge_m, TOLERANCE_M)]
         if len(edge_m) and area.inclusion and one_inclusion_is_enough:
             others = [ring for ring in areas[:index] + areas[index + 1 :] if ring.inclusion]
-            edge_m = edge_m[~_in_any(others, edge_m)]
+            inside = np.zeros(len(edge_m), dtype=bool)
+            for other in others:
+                inside |= contains(other.corners_m, edge_m)
+            edge_m = edge_m[~inside]
         if len(edge_m):
             return _first_point(edge_m)
     # Where our outline is forbidden: a point on the outline of an area is allowed by it.
@@ -131,13 +134,6 @@ def acts_inside(
             deep = distance_m(area.corners_m, outline_m) > TOLERANCE_M
             forbidden |= contains(area.corners_m, outline_m) & deep
     return _first_point(outline_m[forbidden]) if forbidden.any() else None
-
-
-def _in_any(areas: Sequence[Ring], points_m: Points) -> Flags:
-    inside = np.zeros(len(points_m), dtype=bool)
-    for area in areas:
-        inside |= contains(area.corners_m, points_m)
-    return inside
 
 
 def _inside_ours(ours: Sequence[Sequence[Point]], points_m: Points, depth_m: float) -> Flags:

@@ -182,40 +182,35 @@ def _terms(config: Config | None, scenario: "Scenario | None") -> _Terms:
     if config is None:
         if scenario is None:
             raise ConfigError("neither a vehicle file nor a scenario: give at least one")
-        return _mocked(scenario)
+        from guidance.sim import batch  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
+        from guidance.sim.scenario import EVADER_ID  # noqa: PLC0415
+
+        rules = batch.rules_of([scenario.as_flown()])._replace(
+            evader_speed_m_s=scenario.evader.believed_speed_m_s, capture_radius_m=0.0
+        )
+        game = _scenario_game(scenario, rules.pursuer)
+        takeoff_height_m = scenario.pursuer.takeoff_height_m
+        evader = EvaderSection(kind="global_position", url=SIMULATED_URL, system_id=EVADER_ID)
+        return _Terms(
+            source="pursuer",
+            autopilot=autopilot_named(scenario.pursuer.autopilot),
+            rules=rules,
+            strategy=game.strategy,
+            tolerance_m=scenario.standoff.tolerance_m,
+            target_game_m=game.target_game_m,
+            site=batch.site(scenario),
+            start_game_m=game.start_game_m,
+            limits=scenario.limits,
+            speed_limits=scenario.speed_limits,
+            flight=FlightSection(takeoff_height_m=takeoff_height_m, on_terminate="land"),
+            evader_timeout_s=evader.timeout_s,
+            hold_on_rival=evader.second_source == "hold",
+            unlimited=frozenset(),
+            team=None,
+            evaders={},
+            evader_height_limit_m=None,
+        )
     return _by_file(config) if scenario is None else _by_both(config, scenario)
-
-
-def _mocked(scenario: "Scenario") -> _Terms:
-    """Return the terms of a scenario that a mock flies, with the scenario's own limits."""
-    from guidance.sim import batch  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
-    from guidance.sim.scenario import EVADER_ID  # noqa: PLC0415
-
-    rules = batch.rules_of([scenario.as_flown()])._replace(
-        evader_speed_m_s=scenario.evader.believed_speed_m_s, capture_radius_m=0.0
-    )
-    game = _scenario_game(scenario, rules.pursuer)
-    takeoff_height_m = scenario.pursuer.takeoff_height_m
-    evader = EvaderSection(kind="global_position", url=SIMULATED_URL, system_id=EVADER_ID)
-    return _Terms(
-        source="pursuer",
-        autopilot=autopilot_named(scenario.pursuer.autopilot),
-        rules=rules,
-        strategy=game.strategy,
-        tolerance_m=scenario.standoff.tolerance_m,
-        target_game_m=game.target_game_m,
-        site=batch.site(scenario),
-        start_game_m=game.start_game_m,
-        limits=scenario.limits,
-        speed_limits=scenario.speed_limits,
-        flight=FlightSection(takeoff_height_m=takeoff_height_m, on_terminate="land"),
-        evader_timeout_s=evader.timeout_s,
-        hold_on_rival=evader.second_source == "hold",
-        unlimited=frozenset(),
-        team=None,
-        evaders={},
-        evader_height_limit_m=None,
-    )
 
 
 def _by_file(config: Config) -> _Terms:

@@ -277,9 +277,9 @@ def advance_held(
     no_run = ~np.isfinite(w[:, 0])
     if no_run.any():
         w = np.where(no_run[:, None], 0.0, w)
-    if batch.target_m is None:
-        arrival_s = math.inf
-    else:
+    arrival_s: Real = math.inf
+    if batch.target_m is not None:
+        # A lower bound of the time until a straight run is at the target, as `_captured_s` has it.
         evader = components(moment.evader_m)
         x, y, _ = to_target(NUMPY, batch.game, evader, components(batch.target_m))
         away_m = np.sqrt(x**2 + y**2)

@@ -139,7 +139,7 @@ def read_track(path: Path, player: str, *, key: str) -> list[TrackRow]:
             rows = _from_csv(path)
         else:
             part = f"{player}_game_m"
-            rows: list[TrackRow] = []
+            rows = []
             with record_errors(path):
                 for item in scan(path):
                     if item.topic == CYCLE.topic:

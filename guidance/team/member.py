@@ -109,7 +109,13 @@ class Member:
             if report.evader is not None:
                 self._heard_s[report.evader] = now_s
                 self._reports[report.evader] = report
-        unheard = [report for report in relayed if not self._hears(report.evader, now_s)]
+        # What the vehicle has heard itself lately needs no relay.
+        unheard = [
+            report
+            for report in relayed
+            if report.evader is None
+            or now_s - self._heard_s.get(report.evader, -math.inf) > _RELAYED_S
+        ]
         states = tuple(mates.values()) if mates else None
         assigned: tuple[VehicleRole, ...] = ()
         if self.board.roles is not None:
@@ -132,13 +138,6 @@ class Member:
             else:
                 new_role = role
         return states, new_role, unheard
-
-    def _hears(self, evader: str | None, now_s: float) -> bool:
-        """Whether the vehicle has heard an evader itself lately."""
-        if evader is None:
-            return False
-        heard_s = self._heard_s.get(evader, -math.inf)
-        return now_s - heard_s <= _RELAYED_S
 
     def changed(self, outputs: Outputs) -> RolesMessage | None:
         """Return the assignment if it differs from that of the last call, or if the vehicle begins to play."""

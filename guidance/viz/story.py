@@ -394,7 +394,17 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
     ]
     began_s = max(engaged_s)
     # The last promises up to that time, by evader, each with the cause that was announced last.
-    announcements = _announcements(flights.values())
+    # Which roles and promises were announced, and when, in their order.
+    flights = flights.values()
+    announcements = list[tuple[float, RolesMessage]]()
+    for told_by in flights:
+        for event in told_by.events:
+            if event.event == ASSIGNED:
+                roles = RolesMessage.model_validate_json(event.detail)
+                announcements.append((event.now_s, roles))
+    announcements.sort(
+        key=lambda announcement: (announcement[0], announcement[1].term, announcement[1].seq)
+    )
     promises: Sequence[Promise] = ()
     causes = dict[str, str]()
     for now_s, roles in announcements:
@@ -408,20 +418,6 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         promised[promise.evader] = promise.model_copy(update={"cause": last_cause})
     replays = {name: compare(path, recorded_settings)[0] for name, path in records.items()}
     return TeamStory(flights, replays, promised, captures, began_s)
-
-
-def _announcements(flights: Iterable[Story]) -> list[tuple[float, RolesMessage]]:
-    """Return when which roles and promises were announced, in their order."""
-    announcements = list[tuple[float, RolesMessage]]()
-    for flight in flights:
-        for event in flight.events:
-            if event.event == ASSIGNED:
-                roles = RolesMessage.model_validate_json(event.detail)
-                announcements.append((event.now_s, roles))
-    announcements.sort(
-        key=lambda announcement: (announcement[0], announcement[1].term, announcement[1].seq)
-    )
-    return announcements
 
 
 def captures_of(flights: Mapping[str, Story]) -> dict[str, Capture]:
@@ -474,25 +470,19 @@ def team_opening_words(team: TeamStory) -> str:
     apart_words = (
         "never flew at one height" if math.isinf(least_m) else f"stayed {least_m:.1f} m apart"
     )
+    alarm_count = sum(len(flight.alarms) for flight in team.flights.values())
+    alarm_words = f"{alarm_count} alarms"
+    if alarm_count < 2:
+        alarm_words = "1 alarm" if alarm_count else "No alarms"
     sentences = (
         f"{team.first.title}: {vehicles} flew for {lasted_s:.0f} s against {evaders}.",
         f"At engagement the team promised {len(promised)} captures;",
         f"{kept_count} promises were kept, and {captures}.",
         f"Vehicles less than {separation.separation_height_m:g} m apart in height",
         f"{apart_words} ({separation.separation_m:g} m wanted).",
-        f"{_alarms(team)}; {replay_words}, with its mates and assignments.",
+        f"{alarm_words}; {replay_words}, with its mates and assignments.",
     )
     return " ".join(sentences)
-
-
-def _alarms(team: TeamStory) -> str:
-    count = sum(len(flight.alarms) for flight in team.flights.values())
-    match count:
-        case 0:
-            return "No alarms"
-        case 1:
-            return "1 alarm"
-    return f"{count} alarms"
 
 
 def team_summary(team: TeamStory) -> Iterator[TableRow]:

@@ -400,7 +400,10 @@ def view(
             say(f"look at  {page}")
             say(f"or with  rerun --connect {recording_uri(port)}")
         else:
-            sink = _saved(save)
+            with writing(save):
+                private_folder(save.parent)
+                # Rerun itself only logs a failure
+                sink = rr.FileSink(private_file(save))
         if len(sources) > 1:
             vehicles = tuple(sources)
         else:
@@ -419,14 +422,6 @@ def view(
         if save is None:
             ended.wait()
         return sum(painter.cycles for painter in painters)
-
-
-def _saved(path: Path) -> Any:  # noqa: ANN401 - of Rerun
-    """Return the sink of a recording that is written to a file."""
-    with writing(path):
-        private_folder(path.parent)
-        # Rerun itself only logs a failure
-        return rr.FileSink(private_file(path))
 
 
 def _paint(ended: Event, painter: Painter, source: Source) -> None:

@@ -277,7 +277,11 @@ def _with_spare(table: Table, spare_m: Array) -> Table:
 def _profits(table: Table, previous_pairs: Kept | None, hysteresis: float) -> Array:
     """Return the profit of each pursuer that may guarantee the capture of an evader, (b, m, n), −∞ where it may not."""
     every = np.arange(table.worth.shape[-1])
-    profit = _profit_of_each(table)
+    # The worth of each pair, less the least of a pair that wins if that is negative.
+    worth_of_winners = np.where(table.beats, table.worth, np.inf)
+    least = worth_of_winners.min(axis=(1, 2), keepdims=True)
+    least_negative = np.minimum(np.where(np.isfinite(least), least, 0.0), 0.0)
+    profit = np.asarray(table.worth - least_negative)
     if previous_pairs is None:
         return np.where(table.beats, profit, -np.inf)
     first = previous_pairs.first
@@ -312,14 +316,6 @@ def _with_short_ways(table: Table, profit: Array, hysteresis: float) -> Array:
     longest_m = np.max(np.where(counts, way_m, 0.0), axis=(1, 2), keepdims=True)
     worth_of_metre = WORTH_OF_METRE + 0.01 * hysteresis
     return np.where(counts, profit + worth_of_metre * (longest_m - way_m), profit)
-
-
-def _profit_of_each(table: Table) -> Array:
-    """Return the worth of each pair, (b, m, n), less the least of a pair that wins if that is negative."""
-    worth_of_winners = np.where(table.beats, table.worth, np.inf)
-    least = worth_of_winners.min(axis=(1, 2), keepdims=True)
-    least_negative = np.minimum(np.where(np.isfinite(least), least, 0.0), 0.0)
-    return np.asarray(table.worth - least_negative)
 
 
 def _with_pairs(
@@ -448,7 +444,11 @@ def _target_answer(
     flies = are(table.worth.shape[-1], first, second)
     play = assembled(table.all, table.evaders, run, best, flies)
     is_guarded = guarded[..., None]
-    straight_m_s = _to_target(table, target)
+    to = target - table.evaders
+    to[..., 2] = 0.0
+    far = NUMPY.norm2((to[..., 0], to[..., 1]))
+    rate_per_s = np.where(far > 0, table.all.v / far, 0.0 * far)
+    straight_m_s = np.asarray(rate_per_s[..., None] * to)
     nearest_reason = taken(alone.reason, alone.margin_s.argmax(axis=-1))
     play = play._replace(
         value=np.where(guarded, play.value, 0.0),
@@ -508,12 +508,3 @@ def _evader_of(table: Table, first: Array, second: Array) -> Array:
     evader_of_pursuer = np.where(member.any(axis=1), assigned_evader, closest)
     playing = table.present[..., None] & table.plays
     return np.where(playing.any(axis=1), evader_of_pursuer, -1)
-
-
-def _to_target(table: Table, target: Array) -> Array:
-    """Return the velocities of evaders that run straight to their targets, (b, m, 3), m/s."""
-    to = target - table.evaders
-    to[..., 2] = 0.0
-    far = NUMPY.norm2((to[..., 0], to[..., 1]))
-    rate_per_s = np.where(far > 0, table.all.v / far, 0.0 * far)
-    return np.asarray(rate_per_s[..., None] * to)

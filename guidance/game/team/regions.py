@@ -165,7 +165,13 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
     s = _without_disc(pairs, middle)
     s = np.where((s - low) * (s - high) < 0, s, 0.0)
     for _ in range(STEPS):
-        gap, rate = _gap_along(pairs, _turned(middle, s))
+        # By how much the first of two regions reaches farther, and its rate by the heading.
+        heading = _turned(middle, s)
+        headings = for_each(heading)
+        ends = edge(pairs, headings)
+        turn = ends.reach * cross2(headings, ends.away) / ends.root
+        gap = ends.reach[..., 0] - ends.reach[..., 1]
+        rate = turn[..., 0] - turn[..., 1]
         low = np.where(gap > 0, s, low)
         high = np.where(gap > 0, high, s)
         newton = s - 0.5 * (1.0 + s * s) * gap / rate
@@ -179,14 +185,6 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
         if settled.all():
             break
     return _turned(middle, s)
-
-
-def _gap_along(pairs: Regions, heading: Point) -> tuple[Array, Array]:
-    """Return by how much the first of two regions reaches farther, (...), m, and its rate by the heading, m/rad."""
-    headings = for_each(heading)
-    ends = edge(pairs, headings)
-    turn = ends.reach * cross2(headings, ends.away) / ends.root
-    return ends.reach[..., 0] - ends.reach[..., 1], turn[..., 0] - turn[..., 1]
 
 
 def _without_disc(pairs: Regions, middle: Point) -> Array:
