@@ -65,10 +65,10 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     for axis in folder.plan.axes:
         swept.extend(axis.columns())
     # The predicted value, and the distance that orders lost games.
-    if folder.plan.teams:
-        predicted, away_m = "predicted", "evader_to_target_m"
-    else:
-        predicted, away_m = _OF_GAME[folder.plan.scenario["game"]]
+    columns_of_game = ("predicted", "evader_to_target_m")
+    if not folder.plan.teams:
+        columns_of_game = _OF_GAME[folder.plan.scenario["game"]]
+    predicted, away_m = columns_of_game
     rows: Columns = folder.columns([*swept, *_COLUMNS, predicted, away_m])
     rows["predicted"] = rows[predicted]
     rows["away_m"] = rows[away_m]
