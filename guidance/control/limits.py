@@ -224,23 +224,7 @@ class Limits(Section):
             others = ", ".join(polygons)
             yield f"limits.fence_radius_m: missing; give it or one of {others}: every flight needs a fence"
         if self.fence_polygon_deg is not None:
-            # The polygon in metres about its first corner; about home it has the same shape.
-            if not self.fence_polygon_deg:
-                yield "limits.fence_polygon_deg has 0 corners: needs at least 3"
-            else:
-                corners_m = corners_about_home(
-                    self.fence_polygon_deg, STILL, LocalFrame(*self.fence_polygon_deg[0], Amsl(0.0))
-                )
-                yield from faults_of(
-                    "limits.fence_polygon_deg, in metres about its first corner",
-                    lambda: Polygon(corners_m),
-                )
-                widest_m = max(math.hypot(*corner) for corner in corners_m)
-                if widest_m > FARTHEST_FENCE_M:
-                    reach = (
-                        f"limits.fence_polygon_deg reaches {widest_m:.0f} m from its first corner"
-                    )
-                    yield f"{reach}: at most {FARTHEST_FENCE_M:g} m are allowed; are latitude and longitude exchanged?"
+            yield from _corner_faults(self.fence_polygon_deg)
 
     @property
     def reach_m(self) -> float:
@@ -326,3 +310,18 @@ class Limits(Section):
                 corners_about_home(self.fence_polygon_deg, home_ned_m, frame), unchecked=True
             ),
         )
+
+
+def _corner_faults(corners_deg: tuple[tuple[float, float], ...]) -> Iterator[str]:
+    """Check the polygon in metres about its first corner; about home it has the same shape."""
+    if not corners_deg:
+        yield "limits.fence_polygon_deg has 0 corners: needs at least 3"
+        return
+    corners_m = corners_about_home(corners_deg, STILL, LocalFrame(*corners_deg[0], Amsl(0.0)))
+    yield from faults_of(
+        "limits.fence_polygon_deg, in metres about its first corner", lambda: Polygon(corners_m)
+    )
+    widest_m = max(math.hypot(*corner) for corner in corners_m)
+    if widest_m > FARTHEST_FENCE_M:
+        reach = f"limits.fence_polygon_deg reaches {widest_m:.0f} m from its first corner"
+        yield f"{reach}: at most {FARTHEST_FENCE_M:g} m are allowed; are latitude and longitude exchanged?"

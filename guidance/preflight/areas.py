@@ -112,28 +112,37 @@ def acts_inside(
         edge_m = edge_m[_inside_ours(ours, edge_m, TOLERANCE_M)]
         if len(edge_m) and area.inclusion and one_inclusion_is_enough:
             others = [ring for ring in areas[:index] + areas[index + 1 :] if ring.inclusion]
-            inside = np.zeros(len(edge_m), dtype=bool)
-            for other in others:
-                inside |= contains(other.corners_m, edge_m)
-            edge_m = edge_m[~inside]
+            edge_m = edge_m[~_in_any(others, edge_m)]
         if len(edge_m):
             return _first_point(edge_m)
-    # Where our outline is forbidden: a point on the outline of an area is allowed by it.
+    forbidden = _forbidden(areas, outline_m, one_inclusion_is_enough=one_inclusion_is_enough)
+    return _first_point(outline_m[forbidden]) if forbidden.any() else None
+
+
+def _forbidden(areas: Sequence[Ring], points_m: Points, *, one_inclusion_is_enough: bool) -> Flags:
+    """Return at which points of our outline the fence acts. A point on the outline of an area is allowed by it."""
     inclusions = [area for area in areas if area.inclusion]
-    forbidden = np.zeros(len(outline_m), dtype=bool)
+    outside = np.zeros(len(points_m), dtype=bool)
     if inclusions:
         allowed = [
-            contains(area.corners_m, outline_m)
-            | (distance_m(area.corners_m, outline_m) <= TOLERANCE_M)
+            contains(area.corners_m, points_m)
+            | (distance_m(area.corners_m, points_m) <= TOLERANCE_M)
             for area in inclusions
         ]
         combine = np.logical_or if one_inclusion_is_enough else np.logical_and
-        forbidden = ~combine.reduce(allowed)
+        outside = ~combine.reduce(allowed)
     for area in areas:
         if not area.inclusion:
-            deep = distance_m(area.corners_m, outline_m) > TOLERANCE_M
-            forbidden |= contains(area.corners_m, outline_m) & deep
-    return _first_point(outline_m[forbidden]) if forbidden.any() else None
+            deep = distance_m(area.corners_m, points_m) > TOLERANCE_M
+            outside |= contains(area.corners_m, points_m) & deep
+    return outside
+
+
+def _in_any(areas: Sequence[Ring], points_m: Points) -> Flags:
+    inside = np.zeros(len(points_m), dtype=bool)
+    for area in areas:
+        inside |= contains(area.corners_m, points_m)
+    return inside
 
 
 def _inside_ours(ours: Sequence[Sequence[Point]], points_m: Points, depth_m: float) -> Flags:
