@@ -27,7 +27,7 @@ from guidance.control.servo import (
     keep_station,
     observe_speed,
 )
-from guidance.control.setpoint_limiter import Limited, LimitMemory, limit
+from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.cycle.certificate import (
     Certificate,
     Certified,
@@ -157,11 +157,13 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         )
         return output._replace(certificate=certificate)
     unlimited = _follow(aim, gaps, evader.speed_bound_m_s, inputs, settings, memory)
-    limited = _limited(
+    limited = limit(
         unlimited.command,
-        inputs,
-        settings,
-        memory,
+        here,
+        settings.envelope,
+        memory.limits,
+        inputs.dt_s,
+        walls=inputs.walls,
         already_shaped=settings.handling.servo is not None,
     )
 
@@ -363,26 +365,6 @@ def _follow(
     return UnlimitedCommand(command, followed, speed)
 
 
-def _limited(
-    command: Setpoint,
-    inputs: CycleInputs,
-    settings: CycleSettings,
-    memory: CycleMemory,
-    *,
-    already_shaped: bool = False,
-) -> Limited:
-    """Step 5: return the setpoint of a command within the limits; see `limit` for `already_shaped`."""
-    return limit(
-        command,
-        inputs.situation,
-        settings.envelope,
-        memory.limits,
-        inputs.dt_s,
-        walls=inputs.walls,
-        already_shaped=already_shaped,
-    )
-
-
 def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:
     """Stop and keep the place, the height and the heading, within the limits."""
     here = inputs.situation
@@ -397,7 +379,8 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     flown_ned_m_s = here.velocity_ned_m_s - drift.velocity_ned_m_s
     (north_m_s, east_m_s), place = keep_station(memory.place, here.position_ned_m, flown_ned_m_s)
     still_ned_m_s = Ned((north_m_s, east_m_s, down_m_s)) + drift.velocity_ned_m_s
-    limited = _limited(Setpoint(still_ned_m_s, yaw_rad=yaw_rad), inputs, settings, memory)
+    still = Setpoint(still_ned_m_s, yaw_rad=yaw_rad)
+    limited = limit(still, here, settings.envelope, memory.limits, dt_s, walls=inputs.walls)
     paused = StrategyMemory()
     if memory.strategy.velocity_m_s is not None:
         paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s)
