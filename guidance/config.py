@@ -83,8 +83,8 @@ def lines_of(text: str, locations: Sequence[Location]) -> list[int | None]:
                 first_lines[above] = number
     nearest: list[int | None] = []
     for location in locations:
-        above = (first_lines[tuple(location[:count])] for count in range(len(location), 0, -1))
-        nearest.append(next((line for line in above if line is not None), None))
+        upwards = (first_lines[tuple(location[:count])] for count in range(len(location), 0, -1))
+        nearest.append(next((line for line in upwards if line is not None), None))
     return nearest
 
 

@@ -115,12 +115,12 @@ def info(file: File, as_json: Json = False) -> None:
     heading = f"{title}: {survey.duration_s:.2f} s"
     target.print(Text(printable(heading)))
     # Channels, the evader's reports by source, metadata and faults.
-    channels = []
+    rows = []
     for topic in topics:
         messages = str(survey.messages[topic])
         size_kib = survey.data_bytes[topic] / 1024
-        channels.append((messages, f"{size_kib:.1f}", Text(printable(topic))))
-    target.print(sheet(("messages", "KiB", "channel"), channels, left=(2,)))
+        rows.append((messages, f"{size_kib:.1f}", Text(printable(topic))))
+    target.print(sheet(("messages", "KiB", "channel"), rows, left=(2,)))
     for source, count in reports.items():
         target.print(Text(f"{count} reports of the evader by {printable(source)}"))
     metadata = []

@@ -182,12 +182,12 @@ class Recorder(Record):
                     self._file.add(topic, None, now_s, content)
                 elif isinstance(content, CycleEntry):
                     add = self._file.add
-                    now_s = content.now_s
                     for report in content.inputs.reports:
                         add(REPORT.topic, REPORT.schema, report.received_s, REPORT.encode(report))
-                    add(CYCLE.topic, CYCLE.schema, now_s, CYCLE.encode(content))
-                    for topic, schema, message in self._scene.of(content):
-                        add(topic, schema, now_s, to_json(message, inf_nan_mode="null"))
+                    add(CYCLE.topic, CYCLE.schema, content.now_s, CYCLE.encode(content))
+                    for scene_topic, schema, message in self._scene.of(content):
+                        data = to_json(message, inf_nan_mode="null")
+                        add(scene_topic, schema, content.now_s, data)
                 else:
                     self._file.add(topic, EVENT.schema, now_s, EVENT.encode(content))
                 if not waiting:

@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -333,7 +333,7 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
     if a.is_dir() != b.is_dir():
         raise ConfigError(f"{a}, {b}: must be two outcomes or two sweeps, not one of each")
     compared: Mapping[str, Any]
-    parts: Iterator[Table | Text]
+    parts: Iterable[Table | Text]
     if a.is_dir():
         folders = read_folder(a), read_folder(b)
         compared = compare_sweeps(*folders, column=column, rows=rows)
@@ -348,10 +348,11 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
             runs = [of_a["run"], of_b["run"]]
         elif isinstance(of_a, list) and isinstance(of_b, list):
             compared = compare_teams(of_a, of_b)
-            parts = []
+            of_evaders = list[Table | Text]()
             for name, columns in compared.items():
-                parts.append(Text(f"\n{name}", "italic"))
-                parts.extend(_outcomes(columns))
+                of_evaders.append(Text(f"\n{name}", "italic"))
+                of_evaders.extend(_outcomes(columns))
+            parts = of_evaders
             runs = [of_a[0]["run"], of_b[0]["run"]]
         else:
             raise ConfigError(f"{a}, {b}: must be two outcomes of teams or none, not one of each")

@@ -249,22 +249,7 @@ def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator
     A game that the pursuer should have won and lost is worse than any regret; the evader's distance from its
     target (TAD) or the pursuer's from the disc (PE) orders it.
     """
-    # The worst rows of every pair of policies, the worst first.
-    pair = rows[PAIR]
-    end = rows[END]
-    regret = rows["regret"]
-    should_win = rows["predicted_winner"] == "pursuer"
-    lost = should_win & (end != CAPTURED) & (end != "invalid")
-    badness = np.nan_to_num(np.where(lost, rows["away_m"], regret))
-    order = np.lexsort((rows[ROW], -badness, ~lost))
-    is_ordered = lost | np.isfinite(regret)
-    order = order[is_ordered[order]]
-    worst_ranks = []
-    for number in range(len(plan.pairs)):
-        ranks = np.flatnonzero(pair[order] == number)
-        worst_ranks.append(ranks[:count])
-    chosen_ranks = np.sort(np.concatenate(worst_ranks))
-    for number, index in enumerate(list(order[chosen_ranks.astype(int)].tolist()), 1):
+    for number, index in enumerate(_worst(plan, rows, count), 1):
         row = int(rows[ROW][index])
         end = str(rows[END][index])
         scenario = scenario_of(plan, row)
@@ -280,6 +265,25 @@ def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator
         regret = float(rows["regret"][index])
         result = {"row": row, "end": end, "regret": regret}
         yield {"file": path.name, **result, **names._asdict()}
+
+
+def _worst(plan: Plan, rows: Columns, count: int) -> list[int]:
+    """Return the indices of the worst `count` rows of every pair of policies, the worst first."""
+    pair = rows[PAIR]
+    end = rows[END]
+    regret = rows["regret"]
+    should_win = rows["predicted_winner"] == "pursuer"
+    lost = should_win & (end != CAPTURED) & (end != "invalid")
+    badness = np.nan_to_num(np.where(lost, rows["away_m"], regret))
+    order = np.lexsort((rows[ROW], -badness, ~lost))
+    is_ordered = lost | np.isfinite(regret)
+    order = order[is_ordered[order]]
+    worst_ranks = []
+    for number in range(len(plan.pairs)):
+        ranks = np.flatnonzero(pair[order] == number)
+        worst_ranks.append(ranks[:count])
+    chosen_ranks = np.sort(np.concatenate(worst_ranks))
+    return list(order[chosen_ranks.astype(int)].tolist())
 
 
 def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:

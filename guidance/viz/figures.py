@@ -444,13 +444,11 @@ def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) 
     x, y, _ = matching.meeting_point_m[j]
     _draw_way_to_target(axes, scenario, (float(x), float(y)), colour)
     teams = teams_of(scenario)
+    # A line from each matched pursuer to the meeting point.
+    dashes: Style = {"first": "-", "second": (0, (2, 1.5))}
     for role, i in pursuers.items():
-        # A line from each matched pursuer to the meeting point.
         pursuer_m = teams.pursuers_m[i]
-        meeting_m = (float(x), float(y))
-        dashes: Style = {"first": "-", "second": (0, (2, 1.5))}
         line = {"color": "0.2", "linewidth": 1.4, "linestyle": dashes[role], "zorder": 4}
-        x, y = meeting_m
         axes.plot([pursuer_m[0], x], [pursuer_m[1], y], **line, label=f"matched, {role}")
     star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
     axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")

@@ -393,18 +393,17 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         math.inf if flight.engaged is None else flight.engaged.now_s for flight in flights.values()
     ]
     began_s = max(engaged_s)
-    # The last promises up to that time, by evader, each with the cause that was announced last.
     # Which roles and promises were announced, and when, in their order.
-    flights = flights.values()
     announcements = list[tuple[float, RolesMessage]]()
-    for told_by in flights:
-        for event in told_by.events:
+    for flight in flights.values():
+        for event in flight.events:
             if event.event == ASSIGNED:
                 roles = RolesMessage.model_validate_json(event.detail)
                 announcements.append((event.now_s, roles))
     announcements.sort(
         key=lambda announcement: (announcement[0], announcement[1].term, announcement[1].seq)
     )
+    # The last promises up to that time, by evader, each with the cause that was announced last.
     promises: Sequence[Promise] = ()
     causes = dict[str, str]()
     for now_s, roles in announcements:

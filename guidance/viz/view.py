@@ -393,6 +393,7 @@ def view(
         first = next(iter(metadata.values()))
         recording = rr.RecordingStream("guidance")
         closing.callback(recording.disconnect)
+        sink: Any
         if save is None:
             recording_port, page_port = ports
             port, sink = closing.enter_context(recording_server(recording_port))
