@@ -157,6 +157,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         )
         return output._replace(certificate=certificate)
     unlimited = _follow(aim, gaps, evader.speed_bound_m_s, inputs, settings, memory)
+    # Step 5: the limits. The servo has shaped the command already, where there is one.
     limited = limit(
         unlimited.command,
         here,

@@ -128,22 +128,19 @@ class Asked:
             LinkError: If there is no vehicle.
         """
         pursuits = pursuits_and_team(scenario)[0]
-        # How far the vehicles of a team stay from each other.
-        if isinstance(scenario, Scenario):
-            separation = None
-        else:
-            keys = set(TeamSection.model_fields)
-            separation = scenario.flight.model_dump(include=keys)
+        separation: dict[str, float] | None = None
+        if not isinstance(scenario, Scenario):
+            # How far the vehicles of a team stay from each other.
+            separation = scenario.flight.model_dump(include=set(TeamSection.model_fields))
         speeds_m_s = declared_m_s(pursuits)
         configs = dict[str, Config]()
         # A wire for each evader, and the shares of its other end, one for each vehicle.
-        vehicles = len(pursuits)
         radios = dict[str, Wire]()
         receivers = dict[str, Iterator[Wire]]()
         for name in speeds_m_s:
             radio, receiver = MemoryWire.pair(clock.now_s)
             radios[name] = radio
-            receivers[name] = iter(share(receiver, vehicles))
+            receivers[name] = iter(share(receiver, len(pursuits)))
         beside = self.parameters if self.parameters else (None,) * len(self.urls)
         for pursuit, url, mavlink_url in zip(pursuits, self.urls, beside, strict=True):
             wire, vehicle = self._vehicle_at(url, mavlink_url, clock, world)
@@ -159,13 +156,13 @@ class Asked:
                     if name != pursuit.evader:
                         others[name] = {**simulated, "speed_m_s": speed_m_s}
                 mates = [mate.vehicle for mate in pursuits if mate.vehicle != pursuit.vehicle]
-                team_keys = {
+                team = {
                     "name": TEAM,
                     "mates": mates,
                     "evader": pursuit.evader,
                     "evaders": others,
+                    **separation,
                 }
-                team = {**team_keys, **separation}
             config = config_of(pursuit.scenario, pursuit.vehicle, vehicle, team)
             configs[pursuit.vehicle] = config
             wires = dict[str, Wire]()
