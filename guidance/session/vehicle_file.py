@@ -121,21 +121,18 @@ class Config(Extended):
             key = f"ground_station.orders_from = {list(self.ordering_stations)}"
             yield f"{key}: has vehicle.system_id; name only ground stations, QGroundControl is 255"
         if self.vehicle.mavlink_url is None:
-            yield from self._faults_without_mavlink()
+            # Refuse what needs MAVLink.
+            needs = f'with link = "{self.vehicle.link}" needs vehicle.parameters, a MAVLink URL'
+            if self.evader.url is None:
+                yield f"evader.url: missing; a report on the vehicle's link {needs}"
+            if self.on_ground_stations:
+                key = "vehicle.announce" if self.ground_station is None else "ground_station"
+                yield f"{key}: {needs}"
+            if self.vehicle.signing_key_file is not None:
+                yield f"vehicle.signing_key_file: {needs}"
         if self.team is not None:
             yield from self.team.faults_beside(self.name, self.game)
         yield from self._height_faults()
-
-    def _faults_without_mavlink(self) -> Iterator[str]:
-        """Refuse what needs MAVLink."""
-        needs = f'with link = "{self.vehicle.link}" needs vehicle.parameters, a MAVLink URL'
-        if self.evader.url is None:
-            yield f"evader.url: missing; a report on the vehicle's link {needs}"
-        if self.on_ground_stations:
-            key = "vehicle.announce" if self.ground_station is None else "ground_station"
-            yield f"{key}: {needs}"
-        if self.vehicle.signing_key_file is not None:
-            yield f"vehicle.signing_key_file: {needs}"
 
     def _height_faults(self) -> Iterator[str]:
         low = self.limits.floor_m
