@@ -6,8 +6,9 @@ does not exist any more or is noticed. Its rule `letters` lists the mutants that
 people: tests do not repeat texts.
 
 Each file is mutated in a temporary copy of the project and judged by the tests that concern it (`TESTS`), the fastest
-first, up to the first failure. mutmut switches functions only. What a module computes when it is imported (its tables,
-constants and defaults) has the same mutants, but each of them needs a process that imports it.
+first, up to the first failure. Tests of more than 0.2 s of processor time (tests/costly.txt) judge nothing. mutmut
+switches functions only. What a module computes when it is imported (its tables, constants and defaults) has the same
+mutants, but each of them needs a process that imports it.
 """
 
 import argparse
@@ -66,6 +67,20 @@ FLIGHT = (
     "tests/flight/test_loss_time.py",
     "tests/flight/test_late.py",
 )
+ANSWERS = (
+    "tests/session/test_orders_foreseen.py",
+    "tests/flight/test_freshness.py",
+    "tests/flight/test_far_evader.py",
+    "tests/flight/test_second_sender.py",
+    "tests/flight/test_late.py",
+    "tests/session/test_daemon.py",
+    "tests/session/test_daemon_engaging.py",
+)
+BUS = (
+    "tests/session/test_bad_mate.py",
+    "tests/session/test_team_orders.py",
+    "tests/session/test_control_bus.py",
+)
 TESTS: Mapping[str, Sequence[str]] = {
     "guidance/vehicle.py": (
         "tests/test_vehicle_jumps.py",
@@ -101,6 +116,26 @@ TESTS: Mapping[str, Sequence[str]] = {
         "tests/preflight/test_fence.py",
         "tests/preflight/test_rows.py",
     ),
+    "guidance/session/orders/answers.py": ANSWERS,
+    "guidance/session/orders/control_bus.py": BUS,
+    "guidance/session/orders/control_client.py": BUS,
+    "guidance/session/orders/control_socket.py": ("tests/session/test_control_socket.py",),
+    "guidance/session/orders/control_token.py": (
+        "tests/session/test_control_token.py",
+        "tests/session/test_control_socket.py",
+    ),
+    "guidance/session/orders/mailbox.py": (
+        "tests/session/test_orders.py",
+        "tests/session/test_daemon_engaging.py",
+        "tests/session/test_uploaded_fence.py",
+    ),
+    "guidance/session/orders/replies.py": ("tests/session/test_replies.py",),
+    "guidance/session/orders/socket_client.py": ("tests/session/test_control_socket.py",),
+    "guidance/session/orders/words.py": (
+        "tests/session/test_orders.py",
+        "tests/session/test_control_socket.py",
+        "tests/session/test_orders_foreseen.py",
+    ),
 }
 """The tests that judge the mutants of each file."""
 
@@ -113,7 +148,8 @@ source_paths = ["guidance"]
 only_mutate = [{file}]
 also_copy = ["sitl_mock", "config"]
 pytest_add_cli_args = [
-    "-p", "pytest_asyncio.plugin", "-p", "_hypothesis_pytestplugin", "-p", "no:cacheprovider", "-m", {marks},
+    "-p", "pytest_asyncio.plugin", "-p", "_hypothesis_pytestplugin", "-p", "tests.harness.fastest_first",
+    "-p", "no:cacheprovider", "-m", {marks},
 ]
 pytest_add_cli_args_test_selection = {tests}
 timeout_multiplier = 4.0
@@ -128,7 +164,7 @@ LONGEST_S = 120.0
 MODULE = "module"
 """Stands for the function of a mutant that is in none."""
 
-MARKS = "not slow and not flight and not long and not arrays"
+MARKS = "not costly and not slow and not flight and not long and not arrays"
 ENVIRONMENT = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "HYPOTHESIS_PROFILE": "mutants"}
 
 STRING = re.compile(r"""(?:"[^"]*"|'[^']*')""")
@@ -362,9 +398,10 @@ def _passes(folder: Path, name: str, environment: Mapping[str, str]) -> bool:
 
 
 def undecorated(source: str) -> str:
-    """Return the source with its properties and caches written without a decorator, for mutmut leaves those out.
+    """Return the source without decorators of properties, contexts and caches, for mutmut leaves those functions out.
 
-    A property is assigned after its function. A cache is left out, because it would keep what another mutant returned.
+    A property or context is assigned after its function. A cache is left out, because it would keep what another mutant
+    returned.
     """
     lines = source.splitlines()
     decorated = [
@@ -374,9 +411,9 @@ def undecorated(source: str) -> str:
     ]
     for node in sorted(decorated, key=lambda node: node.lineno, reverse=True):
         decorator = ast.unparse(node.decorator_list[0])
-        if decorator == "property":
+        if decorator in {"property", "contextlib.contextmanager"}:
             lines.insert(
-                node.end_lineno, f"{' ' * node.col_offset}{node.name} = property({node.name})"
+                node.end_lineno, f"{' ' * node.col_offset}{node.name} = {decorator}({node.name})"
             )
         elif not decorator.startswith("lru_cache"):
             continue
