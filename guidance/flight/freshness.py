@@ -181,6 +181,12 @@ AGES: Final = (
         f"{FORGOTTEN_S:g} s: left out",
     ),
     Age(
+        "another aircraft, in a team",
+        "ADSB_VEHICLE",
+        "not read",
+        f"{SILENT_S:g} s: it may be anywhere that it can have reached; {FORGOTTEN_S:g} s: left out",
+    ),
+    Age(
         "the operator",
         "orders, `alive`, an open page",
         "not read",

@@ -1,6 +1,7 @@
 """What is old is unknown: on the ground the vehicle is not ready, in flight it does what the table of ages says."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -14,7 +15,17 @@ from guidance.flight.freshness import (
     STATUS_LIMIT_S,
     known,
 )
-from guidance.messages import Attitude, EstimatorStatus, GlobalPosition, Home, Origin, SystemStatus
+from guidance.messages import (
+    Attitude,
+    EstimatorStatus,
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+    Origin,
+    SystemStatus,
+)
 from guidance.session.orders.answers import failed_checks, refusal
 from tests.flight.flown import SLOW_S, Flown
 from tests.flight.scenes import (
@@ -199,6 +210,33 @@ def test_preflight_judges_by_nothing_that_is_old():
     assert not kinds & known(vehicle, NOW_S + 0.2).latest.copy().keys()
     flown = vehicle._replace(home_fixed=True)
     assert known(flown, NOW_S + 0.2).latest.copy().keys() & kinds == {Origin, Home}
+
+
+def test_the_table_of_ages_states_these_limits():
+    stated = {
+        row.value: tuple(
+            re.findall(r"([0-9.]+ m?s)\b", text) for text in (row.before, row.in_flight)
+        )
+        for row in AGES
+    }
+    assert {value: limits for value, limits in stated.items() if any(limits)} == {
+        "mode, armed or not": (["3 s"], ["3 s"]),
+        "position, velocity": (["1 s"], ["1 s"]),
+        "delay of the telemetry": (["0.2 ms", "0.5 s"], ["0.5 s"]),
+        "heading": (["1 s"], []),
+        "on the ground or not": (["2 s"], ["2 s"]),
+        "the autopilot's own pre-arm check": (["3 s"], []),
+        "charge": (["3 s"], ["10 s"]),
+        "home": (["10 s"], []),
+        "origin of the local frame": (["10 s"], []),
+        "place on the map": (["2 s"], ["1 s"]),
+        "error of the height": ([], ["5 s"]),
+        "a mate of the team": ([], ["0.5 s", "2 s", "10 s"]),
+        "another aircraft, in a team": ([], ["0.5 s", "10 s"]),
+    }
+    ages = [NEEDED[kind].limit_s for kind in (Heartbeat, LocalPosition, Attitude, LandedState)]
+    assert ages == [3.0, 1.0, 1.0, 2.0]
+    assert [NEEDED[kind].limit_s for kind in (Home, SystemStatus)] == [10.0, 3.0]
 
 
 def test_every_message_that_a_check_needs_is_in_the_table_of_ages():
