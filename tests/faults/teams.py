@@ -60,13 +60,26 @@ STILL: Final = (0.0, 0.0, 0.0)
 KINDS: Final = (
     "mate killed", "coordinator killed", "cut 1 s", "cut 3 s", "cut 10 s", "loss", "clock", "forged", "misreport",
     "heard by one", "crossing", "pilot lands", "late", "estimate jumps", "position forged", "mate forged",
-    "mate swings", "mate hurries", "mate misnumbers", *DISTURBANCES,
+    "mate swings", "mate hurries", "mate misnumbers", "telemetry lost", *DISTURBANCES,
 )  # fmt: skip
+PAIR: Final = ("misreport", "telemetry lost")
+"""Of one mate: it is elsewhere than it says, and then its cylinder grows. Floor, ceiling and fence rank before it."""
+
+PAIR_EVERY: Final = 7
+"""Every seventh flight has the pair, and so teams of every size."""
+
 EXPLAINED: Final = frozenset(KINDS) - {
     "forged", "crossing", "heard by one", "misreport", "mate swings", "mate hurries", "home_moved",
 }  # fmt: skip
 """Faults after which a vehicle is lost to its coordinator, or seems to be."""
 
+POSITION_LOST: Final = {
+    "kind": "loss",
+    "messages": ["LOCAL_POSITION_NED"],
+    "probability": 1.0,
+    "direction": "out",
+    "at_s": 0.0,
+}
 MATE_FORGED_S: Final = 6.0
 LATEST_S: Final = 3.0
 
@@ -108,7 +121,8 @@ def draw(seed: int, number: int) -> TeamCase:
     chance = random.Random(f"teams {seed} {number}")
     vehicles, evaders = SIZES[number % len(SIZES)]
     game = chance.choice(("pe", "tad"))
-    kinds = chance.sample(KINDS, chance.randint(1, 3))
+    has_pair = number % PAIR_EVERY == PAIR_EVERY - 1
+    kinds = PAIR if has_pair else chance.sample(KINDS, chance.randint(1, 3))
     turn = chance.uniform(0.0, 2.0 * math.pi)
     pursuers = []
     for index in range(vehicles):
@@ -146,7 +160,8 @@ def draw(seed: int, number: int) -> TeamCase:
         if kind in DISTURBANCES:
             disturbances += DISTURBANCES[kind](chance, scenario.flight.autopilot)
         else:
-            faults.append((kind, chance.uniform(0.5, 4.0), chance.choice(names)))
+            vehicle = disturbed if has_pair else chance.choice(names)
+            faults.append((kind, chance.uniform(0.5, 4.0), vehicle))
     wind = (
         tuple(chance.uniform(-3.0, 3.0) for _ in range(2)) if chance.random() < 0.5 else (0.0, 0.0)
     )
@@ -334,6 +349,9 @@ class Sortie:
                 self.world.faulted[vehicle].inject(
                     {"kind": "pilot_mode", "mode": "LAND", "at_s": 0.0}
                 )
+            case "telemetry lost" if some_left:
+                self.unable.add(vehicle)
+                self.world.faulted[vehicle].inject(POSITION_LOST)
             case "cut 1 s" | "cut 3 s" | "cut 10 s":
                 self.network.cut.add(vehicle)
                 self.later.append(
