@@ -174,3 +174,22 @@ def test_a_pilot_who_chose_our_mode_before_the_game_gets_a_hover_and_in_the_hold
     flown.mode = Mode.GUIDED
     assert flown.cycle(beat=True).state is State.STANDING_BY
     assert all(output.setpoint is not None for output in flown.cycles(1.0))
+
+
+def test_a_hold_of_a_vehicle_in_our_own_mode_is_waited_for_and_choosing_the_mode_again_is_free():
+    flown = Flown(settings_of(replace(PX4, guided_is_ours=True)))
+    flown.mode = Mode.GUIDED
+    flown.armed = True
+    flown.landed = 2
+    flown.cycles(0.1)
+    assert flown.cycle(Event.HOLD).state is State.HOLDING
+    assert flown.flight.leaving_modes == (Mode.GUIDED,)
+    flown.mode = Mode.HOLD
+    flown.cycle(beat=True)
+    assert flown.flight.leaving_modes == (Mode.GUIDED,)
+    flown.cycles(3.2)
+    assert flown.flight.leaving_modes == ()
+    flown.mode = Mode.GUIDED
+    flown.cycle(beat=True)
+    assert flown.state is State.HOLDING
+    assert flown.flight.leaving_modes == ()

@@ -9,6 +9,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final
 
 from guidance.texts import printable
@@ -50,55 +51,57 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _or_none(check: Check) -> Check:
-    return lambda value: value is None or check(value)
+def _is_none_or(check: Check, value: object) -> bool:
+    return value is None or check(value)
 
 
-def _list_of(check: Check, length: int | None = None) -> Check:
-    def checked(value: object) -> bool:
-        if not isinstance(value, list) or (length is not None and len(value) != length):
-            return False
-        return all(map(check, value))
-
-    return checked
+def _is_list(check: Check, value: object) -> bool:
+    return isinstance(value, list) and all(map(check, value))
 
 
-def _texts_by_name(value: object) -> bool:
+def _is_vector(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(map(_MAYBE_NUMBER, value))
+
+
+def _is_texts_by_name(value: object) -> bool:
     return isinstance(value, dict) and all(map(_is_text, value.values()))
 
 
-def _record(needed: Mapping[str, Check], optional: Mapping[str, Check] | None = None) -> Check:
+def _is_record(needed: Mapping[str, Check], optional: Mapping[str, Check], value: object) -> bool:
     """Check the fields of an object. More fields are allowed: a newer daemon may have some."""
-
-    def checked(value: object) -> bool:
-        if not isinstance(value, dict) or not needed.keys() <= value.keys():
-            return False
-        checks = dict(needed)
-        if optional is not None:
-            checks.update(optional)
-        return all(checks[name](part) for name, part in value.items() if name in checks)
-
-    return checked
+    if not isinstance(value, dict) or not needed.keys() <= value.keys():
+        return False
+    checks = {**needed, **optional}
+    return all(checks[name](part) for name, part in value.items() if name in checks)
 
 
-_MAYBE_NUMBER: Final = _or_none(_is_number)
-_VECTOR: Final = _list_of(_MAYBE_NUMBER, length=3)
-_TO_DO: Final = _record(dict.fromkeys(("name", "found", "wanted", "verdict", "advice"), _is_text))
-_PROMISE: Final = _record(
-    {"evader": _is_text, "standing": _is_text, "words": _is_text},
-    {"first": _or_none(_is_text), "second": _or_none(_is_text)},
+_MAYBE_TEXT: Final = partial(_is_none_or, _is_text)
+_MAYBE_NUMBER: Final = partial(_is_none_or, _is_number)
+_LIST_OF_TEXTS: Final = partial(_is_list, _is_text)
+_TO_DO: Final = partial(
+    _is_record, dict.fromkeys(("name", "found", "wanted", "verdict", "advice"), _is_text), {}
 )
-_ASSIGNMENT: Final = _record({
-    "evader": _is_text,
-    "coordinator": _is_text,
-    "over": _list_of(_is_text),
-    "promises": _list_of(_PROMISE),
-})  # fmt: skip
-_GAME: Final = _record(
+_PROMISE: Final = partial(
+    _is_record,
+    {"evader": _is_text, "standing": _is_text, "words": _is_text},
+    {"first": _MAYBE_TEXT, "second": _MAYBE_TEXT},
+)
+_ASSIGNMENT: Final = partial(
+    _is_record,
+    {
+        "evader": _is_text,
+        "coordinator": _is_text,
+        "over": _LIST_OF_TEXTS,
+        "promises": partial(_is_list, _PROMISE),
+    },
+    {},
+)
+_GAME: Final = partial(
+    _is_record,
     {"winner": _is_text},
     {
         "vehicle_winner": _is_text,
-        "active_limits": _list_of(_is_text),
+        "active_limits": _LIST_OF_TEXTS,
         "value": _MAYBE_NUMBER,
         "gap_m": _MAYBE_NUMBER,
         "time_needed_s": _MAYBE_NUMBER,
@@ -128,12 +131,12 @@ _FIELDS: Final[Mapping[str, Check]] = {
     "accepted": _is_flag,
     "armed": _is_flag,
     "streaming": _is_flag,
-    "position_ned_m": _VECTOR,
-    "velocity_ned_m_s": _VECTOR,
-    "vehicles": _list_of(_is_text),
-    "refused_orders": _texts_by_name,
-    "to_do": _list_of(_TO_DO),
-    "certificate": _or_none(_GAME),
+    "position_ned_m": _is_vector,
+    "velocity_ned_m_s": _is_vector,
+    "vehicles": _LIST_OF_TEXTS,
+    "refused_orders": _is_texts_by_name,
+    "to_do": partial(_is_list, _TO_DO),
+    "certificate": partial(_is_none_or, _GAME),
     "assignment": _ASSIGNMENT,
 }
 """Every field that `guidance ctl` or the page uses, and its type."""
@@ -169,7 +172,7 @@ def read_reply(data: bytes, name: str, order: str) -> Answer:
 
 def written(answer: object) -> bytes:
     """Write an answer as JSON for the wire. Numbers that are not finite become null."""
-    return json.dumps(_without_nan(answer), allow_nan=False).encode()
+    return json.dumps(_without_nan(answer)).encode()
 
 
 def bad_reply(name: str, order: str, reason: str) -> Answer:
