@@ -106,9 +106,10 @@ def test_a_good_status_is_kept_and_its_name_is_that_of_the_key():
     ],
 )
 def test_a_bad_reply_is_a_refusal_that_says_what_is_wrong(data, reason):
-    answer = read_reply(data, "uav2", "hold" if b"accepted" not in data else "status")
+    order = "hold" if b"accepted" not in data else "status"
+    answer = read_reply(data, "uav2", order)
     assert is_bad(answer)
-    assert answer["name"] == "uav2"
+    assert (answer["name"], answer["order"]) == ("uav2", order)
     assert not answer["accepted"]
     assert answer["state"] == BAD_REPLY
     assert reason in answer["reason"]
