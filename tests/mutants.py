@@ -68,6 +68,7 @@ FLIGHT = (
     "tests/flight/test_late.py",
 )
 ANSWERS = (
+    "tests/session/test_answers.py",
     "tests/session/test_orders_foreseen.py",
     "tests/flight/test_freshness.py",
     "tests/flight/test_far_evader.py",
