@@ -19,6 +19,7 @@ from guidance.links.kinds import LinkOrder
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import open_link, open_wire, wait_until_heard
 from guidance.links.port import VehicleLink
+from guidance.links.px4.link import Px4Link
 from guidance.links.section import Vehicle
 from guidance.messages import Heartbeat, SystemStatus, Timesync
 from tests.links.peer import Peer, living, until
@@ -281,6 +282,7 @@ def px4_topics(kind: str, router: Router) -> Iterator[Rig]:
     with contextlib.closing(peer), beating(peer):
         url = f"zenoh+tcp://127.0.0.1:{router.port}/{peer.domain_id}"
         link = opened_as_by_a_file(kind, url, clock=time.monotonic, timeout_s=5.0)
+        assert isinstance(link, Px4Link)
         try:
             link.request(PX4.as_mode.set_mode(Mode.GUIDED))
             assert until(lambda: link.mode.entered)

@@ -252,7 +252,8 @@ def test_a_vehicle_on_its_link_is_flown_from_a_file(installed):
     flight.until(State.ON_STATION)
     assert type(flight.link).__name__ == "Simulator"
     assert flight.link.counters()["setpoints_sent"] > 100
-    assert world.evaders["uav1"]["evader"].callsign == "B7"
+    buoy: Any = world.evaders["uav1"]["evader"]
+    assert buoy.callsign == "B7"
     world.close()
     flight.close()
 

@@ -4,6 +4,7 @@ import json
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from guidance.game.team import match_teams
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of, teams_of
 
-TAD = {
+TAD: dict[str, Any] = {
     "title": "two on two",
     "game": "tad",
     "target": {"position_m": [0.0, 0.0]},
