@@ -14,12 +14,14 @@ from guidance.control.follow import gaps_to_disc
 from guidance.cycle import Capability, ChosenCourse, Players, certify
 from guidance.cycle.guarding import UNSURE, UNSURE_S, guard
 from guidance.frames import Enu, ned_from_game
-from guidance.game import Cylinder, Extent, Game, StandOff, Winner, solve_state
+from guidance.game import Ball, Cylinder, Extent, Game, StandOff, Winner, solve_state
+from guidance.session.fly.loop import PERIOD_S
 from tests.bench.bench_promise_turns import played as played_turns
 from tests.control.scenes import MULTICOPTER as ENVELOPE
+from tests.harness.evaders import evader_that
 from tests.harness.examples import drawn
-from tests.harness.guarded import SETUPS, cycle_settings, draw_game
-from tests.harness.referee import Referee, referee
+from tests.harness.guarded import SETUPS, Aim, Setup, cycle_settings, draw_game
+from tests.harness.referee import STEP_S, Referee, play_out, referee
 from tests.harness.trials import is_broken
 
 GAME = Game(Cylinder(6.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0))
@@ -335,9 +337,37 @@ def test_a_vehicle_that_follows_closely_captures_before_a_wide_target_is_in_dang
     assert certify(game, slow, FULL, None).certificate.vehicle_winner != Winner.PURSUER
 
 
-def test_a_meeting_that_moves_on_from_round_to_round_is_not_counted_on():
-    # After three rounds it seemed to come in time; evaders that turned broke the lasting claim.
-    assert math.isnan(referee(draw_game(9101, 83, "polygon")).result.sustained_s)
+def test_a_claim_made_while_the_evader_runs_away_is_kept():
+    """Catches a claim that counts on a meeting which moves away, and that an evader breaks which turns."""
+    drawn = draw_game(9101, 83, "polygon")
+    played = referee(drawn)
+    assert played.result.end == "captured"
+    assert not is_broken(drawn, played)
+
+
+def circled(step_s):
+    """Play against an evader that circles a wide disc and then runs to where its lead is largest."""
+    setup = Setup("arducopter", (8.0, 4.0), (10.0, -15.0, 12.0), Aim(radius_m=25.0))
+    settings = cycle_settings(setup)
+    game = Referee(settings, Enu(setup.start_m), (46.98, 17.31), step_s)
+
+    def around(state, _now_s):
+        heading = math.atan2(state.evader_m[1], state.evader_m[0]) - 1.651
+        return (math.cos(heading), math.sin(heading))
+
+    return play_out(game, evader_that(settings, around, runs_at_s=9.0))
+
+
+def test_an_evader_that_circles_a_wide_target_breaks_no_claim():
+    """Catches a lasting verdict whose margin is lost at once, so that the evader arrives."""
+    result = circled(STEP_S).result
+    assert not math.isnan(result.sustained_s)
+    assert result.end == "captured"
+
+
+def test_the_margin_does_not_jump_when_a_circling_evader_passes_abeam():
+    """Catches a margin that counts on an early meeting: when it vanished, 2.8 s were lost between two cycles."""
+    assert circled(PERIOD_S).largest_fall_s <= 0.3
 
 
 def test_a_vehicle_that_has_won_at_a_wide_target_keeps_its_win():
@@ -375,3 +405,31 @@ def test_an_evader_that_runs_along_with_its_target_is_not_claimed_too_early():
     result = referee(draw_game(7101, 50, "moving")).result
     assert result.end == "arrived"
     assert math.isnan(result.sustained_s)
+
+
+@given(lengths, lengths, lengths, lengths, speeds, speeds, st.sampled_from([0.0, 15.0]))
+def test_no_evader_arrives_within_the_margin(x, y, e_x, e_y, v_x, v_y, radius_m):
+    game = replace(GAME, target_extent=Extent(radius_m=radius_m))
+    pursuer_m = Enu((x, y, 5.0))
+    evader_m = Enu((e_x, e_y, 0.0))
+    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+    still = Enu((0.0, 0.0, 0.0))
+    players = Players(pursuer_m, Enu((v_x, v_y, 0.0)), evader_m, still, TARGET, gaps, 0.0)
+    margin_s = certify(game, players, FULL, None).certificate.vehicle_margin_s
+    between_points_s = 1.5 / 3.0
+    first_s = game.target_extent.distance_m(TARGET, evader_m) / 3.0
+    assert margin_s <= first_s + between_points_s
+
+
+@pytest.mark.parametrize("radius_m", [0.0, 15.0])
+def test_a_vehicle_with_one_speed_has_less_margin_the_higher_it_is(radius_m):
+    game = replace(GAME, pursuer=Ball(6.0), target_extent=Extent(radius_m=radius_m))
+    evader_m = Enu((0.0, 50.0, 0.0))
+    still = Enu((0.0, 0.0, 0.0))
+    margins_s = []
+    for height_m in (5.0, 15.0, 25.0):
+        pursuer_m = Enu((0.0, 20.0, height_m))
+        gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+        players = Players(pursuer_m, still, evader_m, still, TARGET, gaps, 0.0)
+        margins_s.append(certify(game, players, FULL, None).certificate.vehicle_margin_s)
+    assert margins_s[0] > margins_s[1] > margins_s[2]

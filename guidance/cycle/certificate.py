@@ -18,10 +18,10 @@ The verdict is "evader" if even the game's pursuer loses, and "undecided" in bet
 
 **Guarding.** The ideal pursuer turns at once, so it may fly away from the target until its margin is zero. A vehicle
 that does so cannot come back in time. So the less margin a vehicle has below `SPARE_S`, the more of its velocity is
-that of the flight to the target. Once it flies there, its margin shrinks no further, whatever the evader does. The play
-looks `AHEAD_S` further than the verdict, because a turn takes effect late. At a target wider than the disc's radius the
-vehicle does so only while its verdict is "pursuer": before, the game's solution wins more often. Near the rim at the
-disc's height it plays the game, which captures.
+that of the flight to the target. The play looks `AHEAD_S` further than the verdict, because a turn takes effect late.
+At a target wider than the disc's radius the vehicle begins earlier, at `WIDE_SPARE_S`, because a reversal takes longer
+there. If its margin is negative, it flies to the target in part at most: the game's solution wins more often then. Near
+the rim at the disc's height it plays the game, which captures.
 
 **Waiting.** If the height decides a TAD game, the pursuer has time to spare over the ground. A vehicle that flew at
 full speed all the same would be near the evader before it can capture. An evader that turns then passes below it,
@@ -33,9 +33,10 @@ import math
 from enum import StrEnum
 from typing import Final, NamedTuple
 
+from guidance.control import Gaps
 from guidance.control.braking_law import approach_speed
 from guidance.cycle.circling import Circling, meeting_velocity
-from guidance.cycle.guarding import Guard, guard, is_at_disc, is_held
+from guidance.cycle.guarding import Guard, guard, is_held
 from guidance.cycle.players import Capability, Players, late_start
 from guidance.frames import Enu, Ned
 from guidance.game import Game, StateSolution, Winner, solve_state
@@ -54,11 +55,14 @@ _FASTER: Final = 1.05
 SPARE_S: Final = 2.0
 """Margin from which the vehicle plays the game; at zero it flies to the target."""
 
-WIDE_SPARE_S: Final = 1.0
-"""The same at a target wider than the disc's radius; a larger one lost a few captures."""
-
 AHEAD_S: Final = 0.5
 """Time by which the play looks further ahead than the verdict."""
+
+WIDE_SPARE_S: Final = 3.5
+"""Margin from which the vehicle plays the game at a target wider than the disc's radius."""
+
+WIDE_KEPT_S: Final = 0.5
+"""Margin up to which it flies to the target only. It plays the game if it is as much behind: nothing is kept then."""
 
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
@@ -347,8 +351,10 @@ def _defended(
     assured_m = -late.value if late.winner == Winner.EVADER else late.value
     reaction_s = vehicle.envelope.reaction_s
     near = guard(game, shown, solution, players, vehicle, reaction_s, descends_at_once=True)
-    ahead = _ahead(game, shown, solution, players, vehicle, near)
-    course, velocity_m_s = _course(game, players, vehicle, solution, ahead, trusted_m_s)
+    guarding = near
+    if is_held(game):
+        guarding = guard(game, shown, solution, players, vehicle, reaction_s + AHEAD_S)
+    course, velocity_m_s = _course(game, players, vehicle, solution, guarding, trusted_m_s)
     arrived = game.target_extent.distance_m(T, E) <= vehicle.tolerance_m
     certificate = certificate._replace(
         evader_arrived=arrived and not certificate.captured,
@@ -359,30 +365,6 @@ def _defended(
         vehicle_margin_s=near.margin_s,
     )
     return Certified(solution, course, velocity_m_s, certificate)
-
-
-def _ahead(
-    game: Game,
-    shown: Game,
-    solution: StateSolution,
-    players: Players,
-    vehicle: Capability,
-    near: Guard,
-) -> Guard | None:
-    """Return the flight that keeps the vehicle's win, or None for a vehicle that plays the game.
-
-    Args:
-        game: The game.
-        shown: The same with the speed that the vehicle has shown.
-        solution: Solution of the game.
-        players: Positions and velocities.
-        vehicle: Its limits and accelerations.
-        near: The flight of the verdict.
-    """
-    keeps_win = near.margin_s > 0.0 and not is_at_disc(game, players, vehicle)
-    if not keeps_win and not is_held(game):
-        return None
-    return guard(game, shown, solution, players, vehicle, vehicle.envelope.reaction_s + AHEAD_S)
 
 
 def _verdict(solution: StateSolution, certificate: Certificate, margin_s: float) -> Winner:
@@ -399,7 +381,7 @@ def _course(
     players: Players,
     vehicle: Capability,
     solution: StateSolution,
-    ahead: Guard | None,
+    guarding: Guard,
     trusted_m_s: float,
 ) -> tuple[ChosenCourse, Enu]:
     """Return the vehicle's course in TAD, and its velocity."""
@@ -411,15 +393,30 @@ def _course(
         if waiting_m_s is not None:
             course = ChosenCourse.WAITING
             velocity_m_s = waiting_m_s
-    if ahead is None or solution.winner != Winner.PURSUER:
+    if solution.winner != Winner.PURSUER:
         return course, velocity_m_s
-    spare_s = SPARE_S if is_held(game) else WIDE_SPARE_S
-    share = min(1.0, max(0.0, 1.0 - (ahead.margin_s + AHEAD_S) / spare_s))
+    share = _guarding_share(game, players.gaps, vehicle.tolerance_m, guarding.margin_s)
     if share > 0.0:
         course = ChosenCourse.GUARDING
-        guarding_m_s = velocity_m_s + share * (ahead.velocity_m_s - velocity_m_s)
+        guarding_m_s = velocity_m_s + share * (guarding.velocity_m_s - velocity_m_s)
         velocity_m_s = guarding_m_s.level_with(optimal_m_s.up)
     return course, velocity_m_s
+
+
+def _guarding_share(game: Game, gaps: Gaps, tolerance_m: float, margin_s: float) -> float:
+    """Return the share of the vehicle's velocity that is that of the flight to the target."""
+    if is_held(game):
+        return _up_to_one(1.0 - (margin_s + AHEAD_S) / SPARE_S)
+    little = _up_to_one((WIDE_SPARE_S - margin_s) / (WIDE_SPARE_S - WIDE_KEPT_S))
+    kept = _up_to_one(1.0 + margin_s / WIDE_KEPT_S)
+    radius_m = max(float(game.standoff.radius_m), tolerance_m)
+    near = _up_to_one(2.0 - gaps.ground_m / radius_m)
+    level = _up_to_one(2.0 - abs(gaps.height_m) / tolerance_m)
+    return min(little, kept) * (1.0 - near * level)
+
+
+def _up_to_one(share: float) -> float:
+    return min(1.0, max(0.0, share))
 
 
 def _waiting(
