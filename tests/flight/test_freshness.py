@@ -27,7 +27,7 @@ from guidance.messages import (
     SystemStatus,
 )
 from guidance.session.orders.answers import failed_checks, refusal
-from tests.flight.flown import SLOW_S, Flown
+from tests.flight.flown import ARM, SLOW_S, Flown, commands
 from tests.flight.scenes import (
     BOTH,
     CYCLE,
@@ -138,6 +138,18 @@ def test_a_charge_that_becomes_unknown_returns_from_wherever_a_low_one_does(stat
     assert flight.state is State.RETURNING
     assert flight.flight.cause.event is Event.BATTERY_UNKNOWN
     assert "charge is not known for 10 s" in flight.flight.cause.words
+
+
+def test_arming_is_not_asked_for_again_once_sys_status_is_old():
+    flight = Silenced()
+    flight.cycles(0.1)
+    flight.cycle(Event.START)
+    heard = flight.cycles(1.5)
+    assert ARM in commands(heard)
+    flight.without = (SystemStatus,)
+    flight.cycles(STATUS_LIMIT_S + 0.2)
+    assert flight.state is State.ARMING
+    assert ARM not in commands(flight.cycles(5.0))
 
 
 def test_a_hold_that_is_ordered_while_the_charge_is_unknown_stands():

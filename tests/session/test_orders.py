@@ -1,8 +1,9 @@
 """Orders' mailbox: an order is answered once, by whom it was asked, before the loop runs and when it hangs."""
 
-from guidance.autopilots import Mode
+from guidance.autopilots import PX4, Mode
 from guidance.clock import VirtualClock
-from guidance.flight import Authority, Event, State
+from guidance.flight import Authority, EngageOn, Event, State
+from guidance.preflight import Facts, parameter_names, refusals
 from guidance.session.orders import mailbox as mailbox_module
 from guidance.session.orders.mailbox import (
     ANSWER_LIMIT_S,
@@ -11,11 +12,15 @@ from guidance.session.orders.mailbox import (
     MOST_QUERIES,
     ORDER_OF,
     READ_WITHIN_S,
+    Engaging,
     Mailbox,
+    Question,
     ShutdownHandover,
     startup_answers,
 )
 from tests.flight.flown import Flown
+from tests.flight.scenes import settings_of
+from tests.preflight.wants import wants_of
 
 
 def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
@@ -76,7 +81,10 @@ def test_queries_that_fill_their_queue_keep_no_order_out():
 
 def test_an_answer_that_does_not_come_in_time_is_a_refusal(monkeypatch):
     monkeypatch.setattr(mailbox_module, "ANSWER_LIMIT_S", 0.0)
-    answer = Mailbox().answer("hold", "Ada")
+    mailbox = Mailbox()
+    answer = mailbox.answer("hold", "Ada")
+    ((question,), _) = mailbox.take()
+    assert (question.order, question.by) == ("hold", "Ada")
     assert answer == {
         "accepted": False,
         "order": "hold",
@@ -143,3 +151,82 @@ def test_the_queues_and_time_limits_of_orders_are_these():
     assert (ANSWER_LIMIT_S, HANDOVER_LIMIT_S, READ_WITHIN_S) == (2.0, 12.0, 1.5)
     assert sorted(ORDER_OF) == ["hold", "land", "return"]
     assert [str(ORDER_OF[word]) for word in sorted(ORDER_OF)] == sorted(ORDER_OF)
+
+
+class Survey:
+    """What preflight reads, as the test says."""
+
+    def __init__(self):
+        self.version = PX4.versions[0]
+        self.parameters_complete = False
+        self.fence_read_s = None
+        self.fence_progress = "0 of 4 items"
+        self.asked = []
+
+    def fence_read_since(self, since_s):
+        return self.fence_read_s is not None and self.fence_read_s >= since_s
+
+    def facts(self, vehicle, _now_s):
+        return Facts(vehicle=vehicle)
+
+    def read_again(self, names):
+        self.asked.append(tuple(names))
+
+    def read_fence_again(self):
+        self.asked.append("fence")
+
+
+def test_an_engage_order_waits_until_parameters_and_fence_were_read_again():
+    flown = Flown().standing_by()
+    survey = Survey()
+    engaging = Engaging(flown.flight, survey, None)
+    assert engaging.due(10.0) is None
+    first, second = Question("engage"), Question("engage")
+    engaging.wait(first, 10.0)
+    engaging.wait(second, 10.1)
+    names = tuple(parameter_names(PX4.versions[0], announces=False, only_needed=True))
+    assert survey.asked == [names, "fence"]
+    assert engaging.due(10.2) is None
+    survey.parameters_complete = True
+    assert engaging.due(10.2) is None
+    survey.fence_read_s = 10.3
+    assert engaging.due(10.3) == (first, second)
+    assert engaging.due(10.4) is None
+    assert engaging.give_up() == ()
+    assert (engaging.rows, engaging.bars_the_pilot) == ((), ())
+
+
+def test_what_is_not_read_in_time_is_judged_without_it_and_the_fence_is_read_on():
+    flown = Flown().standing_by()
+    survey = Survey()
+    engaging = Engaging(flown.flight, survey, wants_of())
+    question = Question("engage")
+    engaging.wait(question, 10.0)
+    assert engaging.due(10.0 + READ_WITHIN_S - 0.01) is None
+    assert engaging.due(10.0 + READ_WITHIN_S) == (question,)
+    assert "COM_OF_LOSS_T" in refusals(engaging.rows)
+    assert any("0 of 4 items" in row.value for row in engaging.rows)
+    engaging.wait(question, 15.0)
+    assert survey.asked.count("fence") == 1
+    survey.parameters_complete = True
+    survey.fence_read_s = 15.1
+    assert engaging.due(15.1) == (question,)
+    assert not any("0 of 4 items" in row.value for row in engaging.rows)
+    engaging.wait(question, 16.0)
+    assert survey.asked.count("fence") == 2
+    assert engaging.give_up() == (question,)
+
+
+def test_a_pilots_switch_waits_for_the_same_and_is_barred_by_name():
+    flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
+    survey = Survey()
+    engaging = Engaging(flown.flight, survey, wants_of())
+    assert engaging.due(10.0) is None
+    assert engaging.bars_the_pilot == ("parameters read again",)
+    assert survey.asked == []
+    flown.mode = Mode.GUIDED
+    flown.cycle(beat=True, refusals=engaging.bars_the_pilot)
+    assert engaging.due(10.0) is None
+    assert "fence" in survey.asked
+    assert engaging.due(10.0 + READ_WITHIN_S) == ()
+    assert "COM_OF_LOSS_T" in engaging.bars_the_pilot
