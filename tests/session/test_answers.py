@@ -246,7 +246,9 @@ def test_what_is_missing_is_every_failed_check_and_every_refused_row():
     flown = Flown()
     flown.cycle(silent=True)
     words = missing(flown.flight, flown.now_s, (REFUSED, PASSED))
-    checks, rows = words.split("; ")[0], words.split("; ")[-1]
+    parts = words.split("; ")
+    checks = parts[0]
+    rows = parts[-1]
     assert checks.startswith("autopilot (not heard), Heartbeat (not heard), ")
     assert "GF_ACTION" in rows
     assert "GF_MAX" not in words

@@ -181,7 +181,8 @@ def test_an_engage_order_waits_until_parameters_and_fence_were_read_again():
     survey = Survey()
     engaging = Engaging(flown.flight, survey, None)
     assert engaging.due(10.0) is None
-    first, second = Question("engage"), Question("engage")
+    first = Question("engage")
+    second = Question("engage")
     engaging.wait(first, 10.0)
     engaging.wait(second, 10.1)
     names = tuple(parameter_names(PX4.versions[0], announces=False, only_needed=True))
