@@ -43,10 +43,8 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 OTHERS = min(4, round(os.getloadavg()[0]) - 1) if hasattr(os, "getloadavg") else 0
 """Other programs that compute now; one of them is the installation that has just ended."""
 
-WORKERS = str(CORES + max(0, OTHERS))
-"""On a busy machine more workers get a larger share of it."""
-
-BESIDE = ("-p", "tests.harness.workers", "--workers")
+BESIDE = ("-n", str(CORES + max(0, OTHERS)), "--dist", "loadfile")
+"""On a busy machine more workers get a larger share of it; each has to collect the tests."""
 
 PASSED = "passed"
 FAILED = "failed"
@@ -132,7 +130,7 @@ STEPS = {
     ),
     "tests": Step(
         f"the short tests, each below {SHORT_S:g} s of processor time",
-        (*PYTEST, *BESIDE, WORKERS, "-m", SHORT),
+        (*PYTEST, *BESIDE, "-m", SHORT),
         nice=1,
     ),
     "sentinels": Step(
@@ -167,13 +165,7 @@ LONGER = {
     ),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
-        (
-            *PYTEST,
-            *BESIDE,
-            WORKERS,
-            "-m",
-            "(flight or costly) and not slow and not long and not arrays",
-        ),
+        (*PYTEST, *BESIDE, "-m", "(flight or costly) and not slow and not long and not arrays"),
         marked="flight",
         nice=10,
     ),
@@ -182,8 +174,11 @@ LONGER = {
         "other people's clients",
         (
             *PYTEST,
-            *BESIDE,
+            "-n",
             "6",
+            "--dist",
+            "loadfile",  # a browser, or a fleet of mocks, is started once a file
+            "--no-loadscope-reorder",
             "-m",
             "slow and not long",
         ),
@@ -212,12 +207,12 @@ LANES_OF_ALL = (
 ASKED_FOR = {
     "examples": Step(
         "the tests without flights with every example of every property (an eighth otherwise)",
-        (*PYTEST, *BESIDE, WORKERS, "-m", "not slow and not flight and not arrays and not long"),
+        (*PYTEST, *BESIDE, "-m", "not slow and not flight and not arrays and not long"),
         environment=(("HYPOTHESIS_PROFILE", "all"),),
     ),
     "long": Step(
         "more flights, and longer ones, than every change needs",
-        (*PYTEST, *BESIDE, WORKERS, "-m", "long"),
+        (*PYTEST, *BESIDE, "-m", "long"),
     ),
     "mutants": Step(
         "mutants of the code that keeps people safe, which tests have to notice",
@@ -230,7 +225,7 @@ ASKED_FOR = {
     ),
     "coverage": Step(
         "line and branch coverage of the tests in virtual time; takes three times as long",
-        (*PYTEST, "-n", WORKERS, "-m", "not slow and not arrays", "--cov", "--cov-report=term"),
+        (*PYTEST, *BESIDE, "-m", "not slow and not arrays", "--cov", "--cov-report=term"),
     ),
 }
 """Steps that run by name only."""
