@@ -289,15 +289,16 @@ class McapFile:
 
     def add(self, topic: str, schema: Schema | None, now_s: float, data: bytes) -> None:
         """Add a message, JSON if it has a schema, else a MAVLink frame."""
-        title = "" if schema is None else schema["title"]
-        if title and title not in self._schemas:
-            described = json.dumps(schema, separators=(",", ":")).encode()
-            self._schemas[title] = self._writer.register_schema(title, "jsonschema", described)
-        encoding = "json" if title else "mavlink"
-        self._channels[topic] = self._writer.register_channel(
-            topic, encoding, self._schemas.get(title, 0)
-        )
-        channel = self._channels.get(topic) or self._channels[topic]
+        channel = self._channels.get(topic)
+        if channel is None:
+            # Describe a new channel, and its schema if that is new.
+            title = "" if schema is None else schema["title"]
+            if title and title not in self._schemas:
+                described = json.dumps(schema, separators=(",", ":")).encode()
+                self._schemas[title] = self._writer.register_schema(title, "jsonschema", described)
+            encoding = "json" if title else "mavlink"
+            channel = self._writer.register_channel(topic, encoding, self._schemas.get(title, 0))
+            self._channels[topic] = channel
         time_ns = round(now_s * 1e9)
         self._writer.add_message(channel, time_ns, data, time_ns, self.sequence)
         self.sequence += 1
