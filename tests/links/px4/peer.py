@@ -134,8 +134,10 @@ class Px4Peer:
         self.send(topic, encoded(FROM_PX4[topic], **{"timestamp": self.now_us, **values}))
 
     def send(self, topic: str, data: bytes) -> None:
-        """Publish any bytes."""
-        self._out[topic].put(data)
+        """Publish any bytes, unless it is closed."""
+        publisher = self._out.get(topic)
+        if publisher is not None:
+            publisher.put(data)
 
     def status(self, **values) -> None:
         self.say(
@@ -198,8 +200,8 @@ class Px4Peer:
     def close(self) -> None:
         for subscriber in self._ins:
             subscriber.undeclare()
-        for publisher in self._out.values():
-            publisher.undeclare()
+        # A thread of Zenoh may be publishing; Zenoh undeclares a publisher once nobody holds it.
+        self._out = {}
 
 
 @contextmanager

@@ -15,7 +15,11 @@ def _message_class(spec: MessageSpec) -> type[Any]:
         dialect.MAVLink_message.__init__(self, spec.message_id, spec.name)
         self._fieldnames = list(spec.field_names)
         for name, value in zip(spec.field_names, values, strict=True):
-            setattr(self, name, value)
+            if isinstance(value, bytes):
+                text = value.split(b"\0", 1)[0].decode("ascii", errors="replace")
+                setattr(self, name, text)
+            else:
+                setattr(self, name, value)
 
     layout = "<" + "".join(field.format for field in spec.wire_fields)
     return type(
