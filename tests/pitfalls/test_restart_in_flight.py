@@ -74,7 +74,10 @@ def test_engaging_again_takes_a_hold_and_an_order(sortie, autopilot):
     assert flight.state is State.READY
     flight.cycle(Event.HOLD)
     flight.until_mock(MODES[autopilot][State.HOLDING], 3.0).run(2.0)
+    # HEARTBEATs of 2.5 s have to agree that it holds.
     flight.cycle(Event.ENGAGE)
+    assert flight.state is State.HOLDING
+    flight.run(2.0).cycle(Event.ENGAGE)
     flight.until(State.ENGAGED, limit_s=6.0).until(State.ON_STATION, limit_s=40.0)
 
 
