@@ -50,6 +50,7 @@ JUDGED_AFTER_S: Final = 1.0
 _TO_DO: Final[Mapping[str, str]] = {
     "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
     **{kind.__name__: needed.advice for kind, needed in NEEDED.items()},
+    "fence": "is home set at the right place, and the fence about it?",
     "sender": "find what else sends with the vehicle's system id, or sign MAVLink",
     "delay": "use a faster link or request fewer streams on it; routers must pass TIMESYNC on; "
     "a simulator must run at the pace of real time",
@@ -59,17 +60,17 @@ _TO_DO: Final[Mapping[str, str]] = {
 """Advice for each failed readiness check, by its name."""
 
 
-def checks(
-    vehicle: VehicleState, profile: Autopilot, now_s: float, battery_minimum: float
-) -> tuple[Finding, ...]:
+def checks(heard: Heard, profile: Autopilot, now_s: float) -> tuple[Finding, ...]:
     """Evaluate every condition for arming and engaging.
 
+    An unknown charge passes, since not every vehicle measures it.
+
     Args:
-        vehicle: Last known state of the vehicle.
+        heard: Everything received so far.
         profile: The expected autopilot.
         now_s: The present, on the clock that stamped the messages.
-        battery_minimum: Least battery remaining, 0 to 1; unknown (NaN) passes, since not every vehicle measures it.
     """
+    vehicle = heard.vehicle
     beat = vehicle.latest.get(Heartbeat)
     status = vehicle.latest.get(SystemStatus)
     value = (
@@ -84,6 +85,7 @@ def checks(
         age_s = vehicle.age_s(kind, now_s)
         value = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
         rows.append((kind.__name__, age_s <= needed.limit_s, value))
+    rows.append(("fence", *_place_in_fence(heard, now_s)))
     alone = not vehicle.has_second_sender(now_s)
     rows.append(("sender", alone, "alone" if alone else "positions of two senders"))
     delay_s = vehicle.clock.delay_s
@@ -96,8 +98,24 @@ def checks(
         rows.append(("prearm", healthy, value))
         battery = status.battery_remaining
         charge = "unknown" if math.isnan(battery) else f"{battery:.0%} left"
-        rows.append(("battery", not battery < battery_minimum, charge))
+        rows.append(("battery", not battery < heard.battery_needed, charge))
     return tuple(Finding.of(passed, name, value, "", _TO_DO[name]) for name, passed, value in rows)
+
+
+def _place_in_fence(heard: Heard, now_s: float) -> tuple[bool, str]:
+    """Return whether the vehicle is inside the fence about the home that it has reported, and where it is."""
+    view = heard.view(now_s)
+    home_ned_m = heard.tracking.home_ned_m
+    if view is None or home_ned_m is None:
+        return False, "not heard"
+    away_m = math.dist(view.situation.position_ned_m[:2], home_ned_m[:2])
+    fences, _ = _BREACHES[Event.FENCE]
+    room_m = min(wall.gap_m + wall.margin_m for wall in view.walls if wall.limiter in fences)
+    if room_m >= 0.0:
+        return True, f"{away_m:.1f} m from home"
+    reach_m = heard.cycle.envelope.reach_m
+    outside = f"{away_m:.1f} m from home, {-room_m:.1f} m outside the fence of {reach_m:.1f} m"
+    return False, f"{outside}: set home where it is, or carry it into its fence"
 
 
 def _prearm_check(
@@ -126,7 +144,13 @@ def _prearm_check(
 
 
 def arming_refusal(heard: Heard, profile: Autopilot, now_s: float) -> str:
-    """Return why arming is not requested; empty if the mode to arm in is shown and the check made in it passes."""
+    """Return why arming is not requested.
+
+    Empty if the vehicle is inside its fence, the mode to arm in is shown, and the check made in it passes.
+    """
+    inside, place = _place_in_fence(heard, now_s)
+    if not inside:
+        return f"the vehicle is {place}"
     title = profile.mode_title(profile.arming_mode)
     if heard.mode is not profile.arming_mode:
         return f"HEARTBEAT does not show {title}"
@@ -324,7 +348,7 @@ def fit(now: Moment) -> bool:
     """Whether every readiness check passes and preflight refuses nothing."""
     if now.refusals:
         return False
-    rows = checks(now.heard.vehicle, now.settings.autopilot, now.now_s, now.heard.battery_needed)
+    rows = checks(now.heard, now.settings.autopilot, now.now_s)
     return all(row.verdict is Verdict.PASS for row in rows)
 
 

@@ -136,9 +136,7 @@ class Flight:
 
     def checks(self, now_s: float) -> tuple[Finding, ...]:
         """Return the readiness checks."""
-        return detection.checks(
-            self.vehicle, self.settings.autopilot, now_s, self.heard.battery_needed
-        )
+        return detection.checks(self.heard, self.settings.autopilot, now_s)
 
     def evader_refusal(self, now_s: float) -> str:
         """Return why this evader may not be engaged now; empty if it may."""
@@ -158,6 +156,9 @@ class Flight:
             return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
         too_far = self.heard.distance_refusal(now_s)
         return too_far if too_far else self.tracking.height_refusal(now_s)
+
+    def _passes(self, now_s: float) -> bool:
+        return all(check.verdict is Verdict.PASS for check in self.checks(now_s))
 
     def telemetry_refusal(self, now_s: float) -> str:
         """Return why the vehicle's telemetry bars an engagement now; empty if it does not."""
@@ -292,7 +293,7 @@ class Flight:
         """Return the event of an order in the present situation, None if it must not be followed."""
         vehicle = self.heard.vehicle
         if order is Event.START:
-            if self.barring_modes:
+            if self.barring_modes or refusals or not self._passes(now_s):
                 return None
             return Event.ALOFT if vehicle.armed and vehicle.in_air else order
         if order is Event.ENGAGE:
@@ -304,9 +305,7 @@ class Flight:
                 or refusals
                 or not self.heard.has_flown
             )
-            if barred or not (
-                self.checked or all(check.verdict is Verdict.PASS for check in self.checks(now_s))
-            ):
+            if barred or not (self.checked or self._passes(now_s)):
                 return None
         if self.stage.state in BEFORE_FLIGHT and vehicle.armed:
             return _FOUND_ARMED.get(order)

@@ -524,10 +524,14 @@ def test_fit_is_every_check_and_no_refusal():
         assert list(events(context(State.READY, **unfit))) == [Event.UNFIT]
 
 
+def heard_of(vehicle, autopilot=PX4, **changes):
+    return context(State.READY, vehicle=vehicle, settings=settings_of(autopilot), **changes).heard
+
+
 def row(name, vehicle, autopilot=PX4):
     (one,) = [
         check
-        for check in checks(vehicle, autopilot, NOW_S, battery_minimum=0.25)
+        for check in checks(heard_of(vehicle, autopilot), autopilot, NOW_S)
         if check.name == name
     ]
     return one.verdict == "pass", one.value
@@ -591,11 +595,12 @@ def test_a_delay_that_is_unknown_is_no_pass():
 
 
 def test_what_was_never_heard_passes_no_check():
-    rows = checks(VehicleState(), PX4, NOW_S, battery_minimum=0.0)
+    rows = checks(heard_of(VehicleState()), PX4, NOW_S)
     kinds = [kind.__name__ for kind in NEEDED]
     assert [check.name for check in rows] == [
         "autopilot",
         *kinds,
+        "fence",
         "sender",
         "delay",
         "prearm",
@@ -642,7 +647,7 @@ def test_a_second_sender_ends_a_game_and_bars_an_engagement_until_it_is_gone():
 
 def test_a_check_that_fails_says_what_to_do_and_one_that_passes_does_not():
     for vehicle in (VehicleState(), well(), well()._replace(contradicted_s=CONTRADICTED)):
-        for check in checks(vehicle, PX4, NOW_S, battery_minimum=0.25):
+        for check in checks(heard_of(vehicle), PX4, NOW_S):
             assert isinstance(check.advice, str)
             assert (check.advice == "") is (check.verdict == "pass")
             assert check.wanted == ""

@@ -1,17 +1,20 @@
 """The place of the fence: fixed when a flight is accepted. A home that is reported later is told and not used."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from guidance.autopilots import PX4
+from guidance.autopilots import PX4, Mode
 from guidance.autopilots.description import HOME_POSITION
+from guidance.control.polygon import Polygon
 from guidance.flight import Event, State
 from guidance.flight.tracking import HOME_TOLD_M
 from guidance.frames import Amsl, Ned
-from guidance.messages import Command, Home
-from tests.flight.flown import Flown
-from tests.flight.scenes import HOME_DOWN_M
+from guidance.messages import Command, Home, Origin
+from guidance.session.orders.answers import refusal
+from tests.flight.flown import ARM, Flown, commands
+from tests.flight.scenes import BOTH, CYCLE, ENVELOPE, HOME_DOWN_M, settings_of
 from tests.harness.sortie import Sorties, Stepped
 
 DO_SET_HOME = 179
@@ -104,3 +107,76 @@ def test_a_vehicle_handed_over_before_a_flight_was_accepted_is_engaged_about_the
     assert flight.state is State.ENTERING
     flight.cycle(more=[home_at(flight, (0.0, 0.0, HOME_DOWN_M))])
     assert flight.flight.tracking.home_ned_m == moved
+
+
+REACH_M = 16.0
+
+
+def about_a_small_fence(autopilot, **fence):
+    """A vehicle on the ground at home, ready; its fence reaches 16 m."""
+    envelope = replace(ENVELOPE, **{"fence_radius_m": REACH_M} | fence)
+    settings = settings_of(autopilot, cycle=replace(CYCLE, envelope=envelope))
+    flight = Flown(settings)
+    flight.mode = autopilot.arming_mode
+    flight.cycles(0.1)
+    assert flight.state is State.READY
+    return flight
+
+
+@pytest.mark.parametrize("airborne", [False, True])
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_start_outside_the_fence_about_home_is_refused_from_the_cycle_that_hears_it(
+    autopilot, airborne
+):
+    flight = about_a_small_fence(autopilot)
+    if airborne:
+        flight.armed = True
+        flight.mode = Mode.HOLD
+        flight.landed = 2
+        flight.position[2] = HOME_DOWN_M - 10.0
+        flight.cycles(0.1, beat=True)
+    moved = (18.0, -24.0, HOME_DOWN_M)
+    flight.cycle(Event.START, more=[home_at(flight, moved)])
+    assert flight.state is State.CHECKING
+    words = refusal(Event.START, flight.flight, flight.now_s, ())
+    assert "30.0 m from home, 14.0 m outside the fence of 16.0 m: set home" in words
+    flight.cycle(Event.START)
+    assert flight.state is State.CHECKING
+    # Inside, it is accepted again.
+    back = [home_at(flight, (9.0, -13.0, HOME_DOWN_M))]
+    flight.cycle(more=back)
+    flight.cycle(Event.START, more=back)
+    assert flight.state is (State.STANDING_BY if airborne else State.ARMING)
+
+
+def test_a_home_without_its_place_in_the_local_frame_is_compared_on_the_map():
+    flight = about_a_small_fence(BOTH[0])
+    told = home_at(flight, (0.0, 30.0, HOME_DOWN_M))._replace(position_ned_m=Ned((math.nan,) * 3))
+    place = flight.flight.tracking.local_frame
+    origin = Origin(flight.now_s, place.latitude_deg, place.longitude_deg, place.altitude.metres)
+    flight.cycle(Event.START, more=[origin, told])
+    assert flight.state is State.CHECKING
+    assert "14.0 m outside" in refusal(Event.START, flight.flight, flight.now_s, ())
+
+
+def test_a_start_outside_a_polygon_is_refused_although_home_is_near():
+    corners = ((-40.0, -5.0), (-40.0, 5.0), (40.0, 5.0), (40.0, -5.0))
+    flight = about_a_small_fence(BOTH[0], fence_radius_m=None, fence_polygon=Polygon(corners))
+    flight.position[1] = 8.0
+    flight.cycle(Event.START)
+    words = refusal(Event.START, flight.flight, flight.now_s, ())
+    assert "8.0 m from home, 3.0 m outside the fence" in words
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_vehicle_that_proves_to_be_outside_while_it_arms_is_not_armed_and_the_end_says_so(
+    autopilot,
+):
+    flight = about_a_small_fence(autopilot)
+    flight.cycle(Event.START)
+    assert flight.state is State.ARMING
+    flight.position[0] = 30.0
+    outputs = flight.cycles(15.2)
+    assert ARM not in commands(outputs)
+    assert flight.state is State.FAILED
+    assert "30.0 m from home, 14.0 m outside the fence" in flight.flight.cause.words

@@ -27,6 +27,7 @@ _FENCE_ROWS: Final = ("GF_", "uploaded fence", "home in our fence")
 _CHECKS: Final = {
     "Home": Check.HOME,
     "battery": Check.BATTERY,
+    "fence": Check.FENCE,
     # PX4 itself shows its own checks
     "prearm": None,
 }

@@ -103,7 +103,8 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
         return "the vehicle is not heard: check its power, the link and system_id"
     if order in {Event.HOLD, Event.RETURN, Event.LAND}:
         return "there is no flight to end: the vehicle is not armed"
-    if state is State.CHECKING:
+    barring = flight.barring_modes
+    if state is State.CHECKING or (order is Event.START and not barring):
         return f"not ready: {lacking}"
     in_air = flight.vehicle.armed and flight.vehicle.in_air
     if order is not Event.START:
@@ -112,7 +113,6 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
             if in_air
             else "on the ground: order start first"
         )
-    barring = flight.barring_modes
     mode = flight.mode_title
     if flight.vehicle.armed and flight.heard.mode in barring:
         return (
