@@ -59,7 +59,7 @@ FLIGHT = (
     "tests/flight/test_machine.py",
     "tests/flight/test_authority.py",
     "tests/flight/test_playing.py",
-    "tests/flight/test_machine_told.py",
+    "tests/flight/test_machine_notes.py",
     "tests/flight/test_machine_faults.py",
     "tests/flight/test_machine_operator.py",
     "tests/flight/test_second_sender.py",

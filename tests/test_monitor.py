@@ -150,7 +150,7 @@ def test_a_vehicle_below_its_speed_is_reported_once_and_its_promise_starts_anew(
         said.append(alarm)
     assert [alarm.violation for alarm in said if alarm] == [Violation.TOO_SLOW]
     assert said[10].words.endswith("this vehicle reaches 8.5 of 10 m/s now")
-    assert memory.anew().told_slow
+    assert memory.anew().reported_slow
 
 
 def test_a_cycle_without_a_game_is_passed_over():

@@ -97,7 +97,7 @@ class MonitorMemory(NamedTuple):
     since_s: float | None = None
     oldest_s: float = 0.0
     reachable_m_s: float = 0.0
-    told_slow: bool = False
+    reported_slow: bool = False
 
     def restarted(self) -> "MonitorMemory":
         """Return the memory without a promise."""
@@ -105,7 +105,7 @@ class MonitorMemory(NamedTuple):
 
     def anew(self) -> "MonitorMemory":
         """Return the memory for the next chase: that the vehicle is too slow is not reported again."""
-        return MonitorMemory(told_slow=self.told_slow)
+        return MonitorMemory(reported_slow=self.reported_slow)
 
 
 def watch(
@@ -142,8 +142,10 @@ def watch(
     alarm = None
     reachable_m_s = latest.reachable_speed_m_s
     if reachable_m_s < (1.0 - SLOWER) * (memory.reachable_m_s or speed_m_s):
-        alarm = None if memory.told_slow else Alarm(Violation.TOO_SLOW, reachable_m_s, speed_m_s)
-        memory = memory.restarted()._replace(reachable_m_s=reachable_m_s, told_slow=True)
+        alarm = (
+            None if memory.reported_slow else Alarm(Violation.TOO_SLOW, reachable_m_s, speed_m_s)
+        )
+        memory = memory.restarted()._replace(reachable_m_s=reachable_m_s, reported_slow=True)
     elif reachable_m_s > memory.reachable_m_s:
         memory = memory._replace(reachable_m_s=reachable_m_s)
     if alarm is None and with_target:

@@ -49,13 +49,13 @@ class SourceReport(NamedTuple):
     """What the detection needs of one report.
 
     Attributes:
-        told: As it arrived.
+        arrived: As it came.
         measured: The same in the local frame, on our clock.
         fits: Whether the estimate accepted it; None if the outcome says nothing about its place.
         is_copy: Whether the same report has arrived before. Its stamp may be of a clock that has jumped since.
     """
 
-    told: EvaderReport
+    arrived: EvaderReport
     measured: Measurement
     fits: bool | None
     is_copy: bool = False
@@ -91,13 +91,13 @@ class SourceMemory(NamedTuple):
 
 def listen(rivals: SourceMemory, report: SourceReport, settings: TrackSettings) -> SourceMemory:
     """Add one report and judge. Two reports agree if one evader of twice the declared speed can reach both places."""
-    now_s = report.told.received_s
-    sent_s = report.told.sent_s
+    now_s = report.arrived.received_s
+    sent_s = report.arrived.sent_s
     newest_sent_s = max(rivals.newest_sent_s, sent_s)
-    same_stamp = [past.told for past in rivals.recent if past.told.sent_s == sent_s]
+    same_stamp = [past.arrived for past in rivals.recent if past.arrived.sent_s == sent_s]
     has_arrived = any(
-        past.latitude_deg == report.told.latitude_deg
-        and past.longitude_deg == report.told.longitude_deg
+        past.latitude_deg == report.arrived.latitude_deg
+        and past.longitude_deg == report.arrived.longitude_deg
         for past in same_stamp
     )
     if not sent_s > rivals.newest_sent_s and has_arrived:
@@ -105,20 +105,20 @@ def listen(rivals: SourceMemory, report: SourceReport, settings: TrackSettings) 
     recent = (*rivals.recent[-_MAX_REPORTS + 1 :], report)
     # A report, after the one before it, can count as a sign of a second source.
     before = recent[-2:][0]
-    told = report.told
+    arrived = report.arrived
     is_odd = (
         report.fits is False
-        or told.impostors
-        or math.isnan(told.sent_s)
+        or arrived.impostors
+        or math.isnan(arrived.sent_s)
         or _is_apart(report)
-        or told.peer != before.told.peer
-        or _contradict(before.told, told)
+        or arrived.peer != before.arrived.peer
+        or _contradict(before.arrived, arrived)
     )
     odd_s = now_s if is_odd else rivals.odd_s
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
         return rivals._replace(recent=recent, odd_s=odd_s, newest_sent_s=newest_sent_s)
-    recent = tuple([past for past in recent if now_s - past.told.received_s <= _WINDOW_S])
+    recent = tuple([past for past in recent if now_s - past.arrived.received_s <= _WINDOW_S])
     learning = now_s - since_s <= _RATE_LEARNED_S
     usual = max(rivals.usual, len(_untimed(recent, now_s))) if learning else rivals.usual
     rivals = SourceMemory(
@@ -133,7 +133,7 @@ def listen(rivals: SourceMemory, report: SourceReport, settings: TrackSettings) 
 
 
 def _is_apart(report: SourceReport) -> bool:
-    return abs(report.told.received_s - report.measured.time_s) > _CLOCKS_APART_S
+    return abs(report.arrived.received_s - report.measured.time_s) > _CLOCKS_APART_S
 
 
 def _in_place(recent: Sequence[SourceReport], settings: TrackSettings) -> bool:
@@ -177,10 +177,10 @@ def _in_clock(recent: Sequence[SourceReport]) -> bool:
 
 
 def _in_sequence(recent: Sequence[SourceReport]) -> bool:
-    if len({report.told.sequence for report in recent}) < 2:
+    if len({report.arrived.sequence for report in recent}) < 2:
         return False  # the sender does not count
     contradictions = sum(
-        _contradict(earlier.told, later.told) for earlier, later in itertools.pairwise(recent)
+        _contradict(earlier.arrived, later.arrived) for earlier, later in itertools.pairwise(recent)
     )
     return contradictions >= _CONTRADICTIONS
 
@@ -202,7 +202,9 @@ def _contradict(first: EvaderReport, second: EvaderReport) -> bool:
 
 def _in_sender(recent: Sequence[SourceReport], now_s: float) -> bool:
     """Return whether the sender changes to and fro; a sender that restarts changes once."""
-    reports = [past.told for past in recent if now_s - past.told.received_s <= _SENDER_WINDOW_S]
+    reports = [
+        past.arrived for past in recent if now_s - past.arrived.received_s <= _SENDER_WINDOW_S
+    ]
     changes = sum(
         bool(earlier.peer and later.peer and earlier.peer != later.peer)
         for earlier, later in itertools.pairwise(reports)
@@ -215,9 +217,9 @@ def _untimed(recent: Sequence[SourceReport], now_s: float) -> list[float]:
     """Return the arrivals of the latest reports without a time of their own, of the source that sends most."""
     arrivals_s: dict[str, list[float]] = {}
     for report in recent:
-        told = report.told
-        if now_s - told.received_s < _RATE_WINDOW_S and math.isnan(told.sent_s):
-            arrivals_s.setdefault(told.source, []).append(told.received_s)
+        arrived = report.arrived
+        if now_s - arrived.received_s < _RATE_WINDOW_S and math.isnan(arrived.sent_s):
+            arrivals_s.setdefault(arrived.source, []).append(arrived.received_s)
     return max(arrivals_s.values(), key=len, default=[])
 
 

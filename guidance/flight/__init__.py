@@ -1,6 +1,6 @@
 """The flight's state machine: transition table, event detection, and the step of a cycle.
 
-Flight: one flight of one vehicle. Its `step` maps `Inputs` to `Outputs`, with every `Happening`.
+Flight: one flight of one vehicle. Its `step` maps `Inputs` to `Outputs`, with every `Transition`.
 Authority: the cause of a change of state: an operator, a mission, or the flight itself.
 FlightSettings: the settings. `EngageOn` selects the start of the game.
 State, Event: states and events. ORDERS: the events that are orders.
@@ -9,7 +9,14 @@ BEFORE_FLIGHT, FINAL: states before take-off, and end states.
 """
 
 from guidance.flight.machine import Flight
-from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
+from guidance.flight.settings import (
+    Authority,
+    EngageOn,
+    FlightSettings,
+    Inputs,
+    Outputs,
+    Transition,
+)
 from guidance.flight.table import BEFORE_FLIGHT, FINAL, ORDERS, Event, State, is_done
 
 __all__ = [
@@ -21,9 +28,9 @@ __all__ = [
     "Event",
     "Flight",
     "FlightSettings",
-    "Happening",
     "Inputs",
     "Outputs",
     "State",
+    "Transition",
     "is_done",
 ]

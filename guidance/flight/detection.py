@@ -22,7 +22,7 @@ from guidance.flight.freshness import (
     STATUS_LIMIT_S,
     TELEMETRY_LIMIT_S,
 )
-from guidance.flight.heard import Heard
+from guidance.flight.observed import Observed
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import (
     ASKED_MODES,
@@ -60,17 +60,17 @@ _TO_DO: Final[Mapping[str, str]] = {
 """Advice for each failed readiness check, by its name."""
 
 
-def checks(heard: Heard, profile: Autopilot, now_s: float) -> tuple[Finding, ...]:
+def checks(observed: Observed, profile: Autopilot, now_s: float) -> tuple[Finding, ...]:
     """Evaluate every condition for arming and engaging.
 
     An unknown charge passes, since not every vehicle measures it.
 
     Args:
-        heard: Everything received so far.
+        observed: Everything received so far.
         profile: The expected autopilot.
         now_s: The present, on the clock that stamped the messages.
     """
-    vehicle = heard.vehicle
+    vehicle = observed.vehicle
     beat = vehicle.latest.get(Heartbeat)
     status = vehicle.latest.get(SystemStatus)
     value = (
@@ -85,7 +85,7 @@ def checks(heard: Heard, profile: Autopilot, now_s: float) -> tuple[Finding, ...
         age_s = vehicle.age_s(kind, now_s)
         value = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
         rows.append((kind.__name__, age_s <= needed.limit_s, value))
-    rows.append(("fence", *_place_in_fence(heard, now_s)))
+    rows.append(("fence", *_place_in_fence(observed, now_s)))
     alone = not vehicle.has_second_sender(now_s)
     rows.append(("sender", alone, "alone" if alone else "positions of two senders"))
     delay_s = vehicle.clock.delay_s
@@ -98,14 +98,14 @@ def checks(heard: Heard, profile: Autopilot, now_s: float) -> tuple[Finding, ...
         rows.append(("prearm", healthy, value))
         battery = status.battery_remaining
         charge = "unknown" if math.isnan(battery) else f"{battery:.0%} left"
-        rows.append(("battery", not battery < heard.battery_needed, charge))
+        rows.append(("battery", not battery < observed.battery_needed, charge))
     return tuple(Finding.of(passed, name, value, "", _TO_DO[name]) for name, passed, value in rows)
 
 
-def _place_in_fence(heard: Heard, now_s: float) -> tuple[bool, str]:
+def _place_in_fence(observed: Observed, now_s: float) -> tuple[bool, str]:
     """Return whether the vehicle is inside the fence about the home that it has reported, and where it is."""
-    view = heard.view(now_s)
-    home_ned_m = heard.tracking.home_ned_m
+    view = observed.view(now_s)
+    home_ned_m = observed.tracking.home_ned_m
     if view is None or home_ned_m is None:
         return False, "not heard"
     away_m = math.dist(view.situation.position_ned_m[:2], home_ned_m[:2])
@@ -113,7 +113,7 @@ def _place_in_fence(heard: Heard, now_s: float) -> tuple[bool, str]:
     room_m = min(wall.gap_m + wall.margin_m for wall in view.walls if wall.limiter in fences)
     if room_m >= 0.0:
         return True, f"{away_m:.1f} m from home"
-    reach_m = heard.cycle.envelope.reach_m
+    reach_m = observed.cycle.envelope.reach_m
     outside = f"{away_m:.1f} m from home, {-room_m:.1f} m outside the fence of {reach_m:.1f} m"
     return False, f"{outside}: set home where it is, or carry it into its fence"
 
@@ -143,23 +143,23 @@ def _prearm_check(
     return False, failure
 
 
-def arming_refusal(heard: Heard, profile: Autopilot, now_s: float) -> str:
+def arming_refusal(observed: Observed, profile: Autopilot, now_s: float) -> str:
     """Return why arming is not requested.
 
     Empty if the vehicle is inside its fence, the mode to arm in is shown, and the check made in it passes.
     """
-    inside, place = _place_in_fence(heard, now_s)
+    inside, place = _place_in_fence(observed, now_s)
     if not inside:
         return f"the vehicle is {place}"
     title = profile.mode_title(profile.arming_mode)
-    if heard.mode is not profile.arming_mode:
+    if observed.mode is not profile.arming_mode:
         return f"HEARTBEAT does not show {title}"
-    status = heard.vehicle.latest.get(SystemStatus)
-    if status is None or heard.vehicle.age_s(SystemStatus, now_s) > STATUS_LIMIT_S:
+    status = observed.vehicle.latest.get(SystemStatus)
+    if status is None or observed.vehicle.age_s(SystemStatus, now_s) > STATUS_LIMIT_S:
         return "SYS_STATUS is not heard"
-    if status.received_s < heard.mode_since_s + JUDGED_AFTER_S:
+    if status.received_s < observed.mode_since_s + JUDGED_AFTER_S:
         return f"SYS_STATUS does not show the autopilot's own check of {title} yet"
-    passes, found = _prearm_check(status, profile, heard.vehicle.latest.get(Heartbeat))
+    passes, found = _prearm_check(status, profile, observed.vehicle.latest.get(Heartbeat))
     return "" if passes else f"{found} in {title}"
 
 
@@ -233,7 +233,7 @@ class Moment(NamedTuple):
 
     now_s: float
     settings: FlightSettings
-    heard: Heard
+    observed: Observed
     stage: Stage
     certificate: Certificate | None
     refusals: Sequence[str]
@@ -256,11 +256,11 @@ def events(now: Moment) -> Iterator[Event]:
 def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     """Yield every event and whether its condition holds, the most severe first. Each is computed in its turn."""
     settings = now.settings
-    heard = now.heard
+    observed = now.observed
     stage = now.stage
     certificate = now.certificate
-    vehicle = heard.vehicle
-    tracking = heard.tracking
+    vehicle = observed.vehicle
+    tracking = observed.tracking
     playing = stage.state in SETPOINT_STATES
     # Who commands the vehicle, and whether it is in contact.
     yield (
@@ -276,12 +276,12 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
         Event.DISARMED,
         beat is not None and not beat.armed and beat.received_s > stage.since_s + undone_s,
     )
-    yield Event.LOOP_STOPPED, has_stopped(heard)
+    yield Event.LOOP_STOPPED, has_stopped(observed)
     yield Event.LATE, is_late(vehicle, now.now_s)
     yield Event.SECOND_SENDER, vehicle.has_second_sender(now.now_s)
-    yield Event.FOREIGN, heard.foreign
+    yield Event.FOREIGN, observed.foreign
     # Its position.
-    view = heard.view(now.now_s) if playing else None
+    view = observed.view(now.now_s) if playing else None
     beyond: list[Wall] = []
     if view is not None:
         beyond = [wall for wall in view.walls if wall.gap_m + wall.margin_m < 0.0]
@@ -295,18 +295,18 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     allowed_s = settings.operator_timeout_s or math.inf
     yield Event.OPERATOR_LOST, silent_s > allowed_s
     yield Event.OPERATOR_GONE, silent_s > allowed_s + settings.operator_return_s
-    yield Event.BATTERY_LOW, heard.battery_is_low and not stage.battery_was_low
-    yield Event.BATTERY_UNKNOWN, heard.charge_is_old and not stage.battery_was_low
+    yield Event.BATTERY_LOW, observed.battery_is_low and not stage.battery_was_low
+    yield Event.BATTERY_UNKNOWN, observed.charge_is_old and not stage.battery_was_low
     # The inputs of the game.
     yield Event.ESTIMATOR_RESET, vehicle.resets != stage.resets_seen
-    yield Event.LOOP_LATE, heard.dt_s > LATE_LOOP_S
+    yield Event.LOOP_LATE, observed.dt_s > LATE_LOOP_S
     yield (
         Event.EVADER_LOST,
         playing and tracking.silence_s(now.now_s) > settings.cycle.evader_timeout_s,
     )
     # The team.
-    yield Event.MATE_SILENT, playing and bool(heard.mates and heard.silent_mate(now.now_s))
-    yield Event.ASSIGNED, heard.switched
+    yield Event.MATE_SILENT, playing and bool(observed.mates and observed.silent_mate(now.now_s))
+    yield Event.ASSIGNED, observed.switched
     # The game.
     if certificate is not None:
         yield Event.NO_GAME, certificate.no_game
@@ -326,14 +326,14 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     )
 
 
-def has_stopped(heard: Heard) -> bool:
+def has_stopped(observed: Observed) -> bool:
     """Whether the last cycle is so long ago that the autopilot may have stopped waiting for setpoints."""
-    return heard.dt_s >= heard.setpoint_timeout_s - LOSS_SPARE_S
+    return observed.dt_s >= observed.setpoint_timeout_s - LOSS_SPARE_S
 
 
 def _other_autopilot(now: Moment) -> str:
     """Name the autopilot or vehicle type that sends HEARTBEATs instead of the configured one, if any does."""
-    beat = now.heard.other_beat
+    beat = now.observed.other_beat
     if beat is None or now.now_s - beat.received_s > HEARTBEAT_LIMIT_S:
         return ""
     return f"; MAV_AUTOPILOT {beat.autopilot}, {type_name(beat.vehicle_type)}, is heard instead"
@@ -348,7 +348,7 @@ def fit(now: Moment) -> bool:
     """Whether every readiness check passes and preflight refuses nothing."""
     if now.refusals:
         return False
-    rows = checks(now.heard, now.settings.autopilot, now.now_s)
+    rows = checks(now.observed, now.settings.autopilot, now.now_s)
     return all(row.verdict is Verdict.PASS for row in rows)
 
 
@@ -399,11 +399,11 @@ _CHOSEN_IN: Final = frozenset({State.STANDING_BY, State.OUT_OF_CONTACT, State.HO
 def shows_strange_mode(now: Moment) -> bool:
     """Return whether HEARTBEAT shows a mode that guidance did not ask for."""
     state = now.stage.state
-    mode = now.heard.mode
+    mode = now.observed.mode
     autopilot = now.settings.autopilot
     if mode is None or state in BEFORE_FLIGHT | FINAL:
         return False
-    if state in HANDING_OVER and not now.heard.vehicle.armed:
+    if state in HANDING_OVER and not now.observed.vehicle.armed:
         return False  # with the landing PX4 also ends the mode
     chosen = mode is Mode.GUIDED and autopilot.guided_is_ours and state in _CHOSEN_IN
     asked = autopilot.arming_mode if state is State.ARMING else ASKED_MODES.get(state)
@@ -411,7 +411,7 @@ def shows_strange_mode(now: Moment) -> bool:
         return False
     if state is State.CLIMBING and mode is Mode.HOLD and Mode.TAKEOFF in autopilot.custom_modes:
         # Its own hold comes before the take-off and after it.
-        in_the_air = bool(now.heard.beats) and not now.heard.on_ground
+        in_the_air = bool(now.observed.beats) and not now.observed.on_ground
         return in_the_air and _height_m(now) < now.settings.takeoff_height_m - _BELOW_HEIGHT_M
     if mode in now.stage.left:
         # HEARTBEAT may be older than the order. A pilot's mode that stays is intended.
@@ -422,7 +422,7 @@ def shows_strange_mode(now: Moment) -> bool:
 def _armed_by_another(now: Moment) -> bool:
     """Whether somebody armed it between the last HEARTBEAT before the start order and our request to arm."""
     arming = now.stage.state is State.ARMING
-    return arming and not now.stage.may_be_armed and any(beat.armed for beat in now.heard.beats)
+    return arming and not now.stage.may_be_armed and any(beat.armed for beat in now.observed.beats)
 
 
 def _waits_for_pilot(now: Moment) -> bool:
@@ -432,7 +432,7 @@ def _waits_for_pilot(now: Moment) -> bool:
 
 
 def _telemetry_lost(now: Moment) -> bool:
-    latest = now.heard.vehicle.latest
+    latest = now.observed.vehicle.latest
     if now.stage.state in HANDING_OVER and now.in_state_s < TELEMETRY_LIMIT_S:
         return False  # ordered without contact: send the request first
     beat = latest.get(Heartbeat)
@@ -446,26 +446,26 @@ def _telemetry_lost(now: Moment) -> bool:
         return now.stage.state not in HANDING_OVER
     if now.now_s - local.received_s > TELEMETRY_LIMIT_S:
         return True
-    is_old = now.heard.position_age_s > TELEMETRY_LIMIT_S
-    return is_old and not now.heard.vehicle.clock.delay_s > LATE_S
+    is_old = now.observed.position_age_s > TELEMETRY_LIMIT_S
+    return is_old and not now.observed.vehicle.clock.delay_s > LATE_S
 
 
 def _invited(now: Moment) -> bool:
     # Only a change of mode counts.
-    if not now.stage.other_mode_seen or now.heard.mode is not Mode.GUIDED:
+    if not now.stage.other_mode_seen or now.observed.mode is not Mode.GUIDED:
         return False
     if not _waits_for_pilot(now):
         return False
-    if now.refusals or telemetry_refusal(now.heard.vehicle, now.now_s):
+    if now.refusals or telemetry_refusal(now.observed.vehicle, now.now_s):
         return False
-    too_far = now.heard.distance_refusal(now.now_s)
-    return not (too_far or now.heard.tracking.height_refusal(now.now_s))
+    too_far = now.observed.distance_refusal(now.now_s)
+    return not (too_far or now.observed.tracking.height_refusal(now.now_s))
 
 
 def _height_m(now: Moment) -> float:
     """Height above home; NaN if it is unknown."""
-    local = now.heard.vehicle.latest.get(LocalPosition)
-    home_ned_m = now.heard.tracking.home_ned_m
+    local = now.observed.vehicle.latest.get(LocalPosition)
+    home_ned_m = now.observed.tracking.home_ned_m
     if local is None or home_ned_m is None:
         return math.nan
     return home_ned_m[2] - local.position_ned_m[2]
@@ -473,12 +473,12 @@ def _height_m(now: Moment) -> float:
 
 def _at_height(now: Moment) -> bool:
     is_up = _height_m(now) > now.settings.takeoff_height_m - _AT_HEIGHT_M
-    return is_up and now.heard.mode is not Mode.TAKEOFF
+    return is_up and now.observed.mode is not Mode.TAKEOFF
 
 
 def _at_start(now: Moment) -> bool:
-    start_ned_m = now.heard.start_ned_m
-    local = now.heard.vehicle.latest.get(LocalPosition)
+    start_ned_m = now.observed.start_ned_m
+    local = now.observed.vehicle.latest.get(LocalPosition)
     if start_ned_m is None or local is None:
         return start_ned_m is None
     distance_m = math.dist(local.position_ned_m, start_ned_m)
@@ -487,15 +487,17 @@ def _at_start(now: Moment) -> bool:
 
 
 def _guided(now: Moment) -> bool:
-    beat = now.heard.vehicle.latest.get(Heartbeat)  # one that is newer than the order
+    beat = now.observed.vehicle.latest.get(Heartbeat)  # one that is newer than the order
     return (
-        beat is not None and beat.received_s > now.stage.since_s and now.heard.mode is Mode.GUIDED
+        beat is not None
+        and beat.received_s > now.stage.since_s
+        and now.observed.mode is Mode.GUIDED
     )
 
 
 def _is_armed(now: Moment) -> bool:
     """Whether one HEARTBEAT shows it armed in the mode that was asked for."""
-    return now.heard.vehicle.armed and now.heard.mode is now.settings.autopilot.arming_mode
+    return now.observed.vehicle.armed and now.observed.mode is now.settings.autopilot.arming_mode
 
 
 def _in_contact(now: Moment) -> bool:
@@ -506,16 +508,16 @@ def _in_contact(now: Moment) -> bool:
 
 def _clear(now: Moment) -> bool:
     settings = now.settings
-    since_reset_s = now.now_s - now.heard.vehicle.reset_s
+    since_reset_s = now.now_s - now.observed.vehicle.reset_s
     if min(now.in_state_s, since_reset_s) < settings.settle_s:
         return False
-    if now.heard.tracking.silence_s(now.now_s) > settings.cycle.evader_timeout_s:
+    if now.observed.tracking.silence_s(now.now_s) > settings.cycle.evader_timeout_s:
         return False
-    return not (_telemetry_lost(now) or now.heard.silent_mate(now.now_s))
+    return not (_telemetry_lost(now) or now.observed.silent_mate(now.now_s))
 
 
 def _pilot_words(now: Moment) -> str:
-    mode = Mode.OTHER if now.heard.mode is None else now.heard.mode
+    mode = Mode.OTHER if now.observed.mode is None else now.observed.mode
     title = now.settings.autopilot.mode_title(mode)
     if _armed_by_another(now):
         return f"somebody else armed the vehicle as the start was ordered, and it is in {title}"
@@ -534,38 +536,38 @@ _DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
     Event.PILOT: _pilot_words,
     Event.REBOOTED: lambda _: "the autopilot rebooted",
     Event.TELEMETRY_LOST: lambda now: (
-        f"{telemetry_gap(now.heard.vehicle, now.now_s)}{_other_autopilot(now)}"
+        f"{telemetry_gap(now.observed.vehicle, now.now_s)}{_other_autopilot(now)}"
     ),
-    Event.LATE: lambda now: lateness(now.heard.vehicle),
+    Event.LATE: lambda now: lateness(now.observed.vehicle),
     Event.DISARMED: lambda now: (
         "the vehicle disarmed while guidance flew it" if now.stage.state in SETPOINT_STATES else ""
     ),
     Event.LOOP_STOPPED: lambda now: (
-        f"the autopilot waits for setpoints for {now.heard.setpoint_timeout_s:g} s, "
-        f"and guidance stood still for {now.heard.dt_s:.1f} s"
+        f"the autopilot waits for setpoints for {now.observed.setpoint_timeout_s:g} s, "
+        f"and guidance stood still for {now.observed.dt_s:.1f} s"
     ),
     Event.TIMED_OUT: lambda now: (
         ""
         if now.stage.state is not State.ARMING
-        else arming_refusal(now.heard, now.settings.autopilot, now.now_s)
+        else arming_refusal(now.observed, now.settings.autopilot, now.now_s)
     ),
     Event.BATTERY_UNKNOWN: lambda _: (
         f"the charge is not known for {CHARGE_LIMIT_S:g} s: SYS_STATUS, or its charge, no longer comes"
     ),
     Event.MATE_SILENT: lambda now: (
-        f"{now.heard.silent_mate(now.now_s)} is near and was not heard for {HOLD_S:g} s"
+        f"{now.observed.silent_mate(now.now_s)} is near and was not heard for {HOLD_S:g} s"
     ),
     Event.POLICY_FAILED: lambda now: (
         "" if now.certificate is None else now.certificate.policy_fault or ""
     ),
-    Event.ASSIGNED: lambda now: f"plays against {now.heard.tracking.playing} now",
+    Event.ASSIGNED: lambda now: f"plays against {now.observed.tracking.playing} now",
 }
 """The measurement behind an event whose name is not enough."""
 
 _PROGRESS: Final[Mapping[State, tuple[Event, Callable[[Moment], bool]]]] = {
     State.CONNECTING: (
         Event.HEARD,
-        lambda now: now.heard.vehicle.silence_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S,
+        lambda now: now.observed.vehicle.silence_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S,
     ),
     State.CHECKING: (Event.FIT, fit),
     State.READY: (Event.UNFIT, lambda now: not fit(now)),

@@ -134,7 +134,7 @@ AGES: Final = (
         "home",
         "HOME_POSITION",
         f"{PLACE_LIMIT_S:g} s: not ready",
-        "fixed when the flight is accepted; a later one is told and not used",
+        "fixed when the flight is accepted; a later one is reported and not used",
     ),
     Age(
         "origin of the local frame",

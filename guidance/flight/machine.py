@@ -1,6 +1,6 @@
 """The flight: maps received messages and orders to setpoints and requests. It has no clock and no I/O.
 
-Each cycle has four steps: update with the inputs (`heard`), detect events (`detection`), follow the transition table
+Each cycle has four steps: update with the inputs (`observed`), detect events (`detection`), follow the transition table
 (`table`), and compute the setpoint and the requests of the state (`sending`). The steps are the same in real
 time, in virtual time and in replay.
 """
@@ -13,9 +13,16 @@ from guidance.autopilots import Finding, Mode, Verdict
 from guidance.flight import detection, table
 from guidance.flight.detection import LEFT_WITHIN_S, Moment, Stage
 from guidance.flight.freshness import TELEMETRY_LIMIT_S
-from guidance.flight.heard import Heard
+from guidance.flight.observed import Observed
 from guidance.flight.sending import Asking, Playing
-from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
+from guidance.flight.settings import (
+    Authority,
+    EngageOn,
+    FlightSettings,
+    Inputs,
+    Outputs,
+    Transition,
+)
 from guidance.flight.table import (
     ASKED_MODES,
     BEFORE_FLIGHT,
@@ -51,9 +58,9 @@ class Flight:
     def __init__(self, settings: FlightSettings, ask: Ask | None = None) -> None:
         self.settings = settings
         self.stage = Stage()
-        self.heard = Heard(settings)
+        self.observed = Observed(settings)
         """Everything received."""
-        self.tracking = self.heard.tracking
+        self.tracking = self.observed.tracking
         """The evader's track, home and the frames."""
         self._playing = Playing(settings, ask)
         self._asking = Asking(settings)
@@ -65,7 +72,7 @@ class Flight:
         """The internal error that ended the flight, if any."""
         self.checked = False
         """True if all checks had passed at the start; if not, they are repeated before engaging."""
-        self.cause: Happening | None = None
+        self.cause: Transition | None = None
 
     @property
     def state(self) -> State:
@@ -80,7 +87,7 @@ class Flight:
     @property
     def vehicle(self) -> VehicleState:
         """Last known state of the vehicle."""
-        return self.heard.vehicle
+        return self.observed.vehicle
 
     @property
     def leaving_modes(self) -> tuple[Mode, ...]:
@@ -89,7 +96,7 @@ class Flight:
         Of a vehicle that was found armed, HEARTBEATs of `AGREEING_S` count: another sender with the same system id may
         have sent the last one.
         """
-        shown = self.heard.mode
+        shown = self.observed.mode
         if self._claimed:
             left = shown in self.stage.left - {Mode.HOLD, Mode.GUIDED}
             return (shown,) if left and shown is not None else ()
@@ -99,7 +106,7 @@ class Flight:
             and shown not in self.stage.left
         ):
             return ()  # only who wants guidance to fly it chooses this mode
-        return tuple(mode for mode in self.heard.armed_in if mode is not Mode.HOLD)
+        return tuple(mode for mode in self.observed.armed_in if mode is not Mode.HOLD)
 
     @property
     def barring_modes(self) -> tuple[Mode, ...]:
@@ -107,8 +114,8 @@ class Flight:
 
         One HEARTBEAT does not decide: another sender with the same system id may have sent it.
         """
-        vehicle = self.heard.vehicle
-        in_our_mode = self.heard.mode is Mode.GUIDED and self.settings.autopilot.guided_is_ours
+        vehicle = self.observed.vehicle
+        in_our_mode = self.observed.mode is Mode.GUIDED and self.settings.autopilot.guided_is_ours
         if vehicle.armed and in_our_mode:
             return ()  # only who wants guidance to fly it chooses this mode
         allowed = set[Mode]()
@@ -117,17 +124,17 @@ class Flight:
             # mode another program flies it.
             piloted = self.settings.engage_on is EngageOn.PILOT_MODE
             allowed = set(Mode) - {Mode.GUIDED} if piloted else {Mode.HOLD}
-        return tuple(mode for mode in self.heard.armed_in if mode not in allowed)
+        return tuple(mode for mode in self.observed.armed_in if mode not in allowed)
 
     @property
     def mode_name(self) -> str:
         """Name of the mode in HEARTBEAT."""
-        return "unknown" if self.heard.mode is None else str(self.heard.mode)
+        return "unknown" if self.observed.mode is None else str(self.observed.mode)
 
     @property
     def mode_title(self) -> str:
         """Name of the mode in a ground station: OFFBOARD, GUIDED, RTL."""
-        mode = self.heard.mode
+        mode = self.observed.mode
         return "unknown" if mode is None else self.settings.autopilot.mode_title(mode)
 
     def operator_silence_s(self, now_s: float) -> float:
@@ -136,7 +143,7 @@ class Flight:
 
     def checks(self, now_s: float) -> tuple[Finding, ...]:
         """Return the readiness checks."""
-        return detection.checks(self.heard, self.settings.autopilot, now_s)
+        return detection.checks(self.observed, self.settings.autopilot, now_s)
 
     def evader_refusal(self, now_s: float) -> str:
         """Return why this evader may not be engaged now; empty if it may."""
@@ -154,7 +161,7 @@ class Flight:
         rival = self.tracking.rival(now_s)
         if rival and self.settings.hold_on_rival:
             return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
-        too_far = self.heard.distance_refusal(now_s)
+        too_far = self.observed.distance_refusal(now_s)
         return too_far if too_far else self.tracking.height_refusal(now_s)
 
     def _passes(self, now_s: float) -> bool:
@@ -184,12 +191,12 @@ class Flight:
                 )
         try:
             if self.fault is not None:
-                self.heard.vehicle_says(inputs.messages)  # for display
+                self.observed.vehicle_says(inputs.messages)  # for display
                 return self._hand_over(now_s, inputs)
             self._playing.recorded = inputs.answer
             self._playing.answer = None
             self._playing.alarm = None
-            heard = self.heard
+            observed = self.observed
             stage = self.stage
             if self._last_s is None:
                 self._last_s = stage.since_s = now_s
@@ -197,19 +204,19 @@ class Flight:
             self._last_s = now_s
             if inputs.alive or inputs.orders or stage.operator_s == math.inf:
                 stage.operator_s = now_s
-            heard.take_in(now_s, inputs, dt_s, in_flight=stage.state not in BEFORE_FLIGHT)
-            self._stream_ended |= detection.has_stopped(heard)
-            if heard.switched:
+            observed.take_in(now_s, inputs, dt_s, in_flight=stage.state not in BEFORE_FLIGHT)
+            self._stream_ended |= detection.has_stopped(observed)
+            if observed.switched:
                 self._playing.switch()
-            self._playing.move(heard.moved_ned_m)
-            for beat in heard.beats:
+            self._playing.move(observed.moved_ned_m)
+            for beat in observed.beats:
                 if beat.received_s > stage.since_s:
                     mode = self.settings.autopilot.mode_of(beat.custom_mode)
                     stage.other_mode_seen |= mode is not Mode.GUIDED
                     if mode not in stage.left or now_s - stage.since_s > LEFT_WITHIN_S:
                         stage.left &= {mode}
-            happenings = tuple(self._follow(now_s, inputs))
-            requests = self._asking.requests(self.stage, self.heard, now_s)
+            transitions = tuple(self._follow(now_s, inputs))
+            requests = self._asking.requests(self.stage, self.observed, now_s)
             setpoint = self._setpoint(now_s)
         except Exception as error:  # guidance must not leave the vehicle without a command
             return self.give_up(now_s, inputs, error)
@@ -219,7 +226,7 @@ class Flight:
             self.stage.state,
             setpoint,
             requests,
-            happenings,
+            transitions,
             certificate,
             alarm,
             cause=self.cause,
@@ -242,28 +249,28 @@ class Flight:
         before = self.stage.state
         after = table.next_state(self.stage.state, Event.FAULT)
         follows_us = after is State.YIELDED and (
-            before in SETPOINT_STATES or (before is not after and self.heard.mode is Mode.GUIDED)
+            before in SETPOINT_STATES or (before is not after and self.observed.mode is Mode.GUIDED)
         )
         self.stage.state = after
         self._asking.hand_over(flown=follows_us, at_once=True)
         outputs = self._hand_over(now_s, inputs)
-        self.cause = Happening(now_s, Event.FAULT, before, after, detail=self.fault)
+        self.cause = Transition(now_s, Event.FAULT, before, after, detail=self.fault)
         return outputs._replace(
-            happenings=(*outputs.happenings, self.cause), fault=self.fault, cause=self.cause
+            transitions=(*outputs.transitions, self.cause), fault=self.fault, cause=self.cause
         )
 
     def _hand_over(self, now_s: float, inputs: Inputs) -> Outputs:
         state = self.stage.state
         unheeded = [
-            Happening(now_s, order, state, state, Authority.OPERATOR) for order in inputs.orders
+            Transition(now_s, order, state, state, Authority.OPERATOR) for order in inputs.orders
         ]
         unheeded.extend(
-            Happening(now_s, order, state, state, Authority.MISSION) for order in inputs.mission
+            Transition(now_s, order, state, state, Authority.MISSION) for order in inputs.mission
         )
         requests = self._asking.hold_requests(now_s, inputs.messages)
         return Outputs(state, None, requests, tuple(unheeded), None, cause=self.cause)
 
-    def _follow(self, now_s: float, inputs: Inputs) -> Iterator[Happening]:
+    def _follow(self, now_s: float, inputs: Inputs) -> Iterator[Transition]:
         stage = self.stage
         refusals = inputs.refusals
         for by, orders in (
@@ -274,16 +281,18 @@ class Flight:
                 event = None
                 if by is not Authority.MISSION or not self.ordered_by_operator:
                     event = self._meant(order, now_s, refusals)
-                refused = Happening(now_s, order, stage.state, stage.state, by)
+                refused = Transition(now_s, order, stage.state, stage.state, by)
                 yield refused if event is None else self._change(now_s, event, by)
-        for told, words in self.heard.told:
-            yield Happening(now_s, told, stage.state, stage.state, detail=words)
+        for event, words in self.observed.notes:
+            yield Transition(now_s, event, stage.state, stage.state, detail=words)
         if not self.settings.hold_on_rival:
             before = self._rival
             self._rival = self.tracking.rival(now_s)
             if self._rival and not before:
-                yield Happening(now_s, Event.RIVAL, stage.state, stage.state)
-        now = Moment(now_s, self.settings, self.heard, stage, self._playing.certificate, refusals)
+                yield Transition(now_s, Event.RIVAL, stage.state, stage.state)
+        now = Moment(
+            now_s, self.settings, self.observed, stage, self._playing.certificate, refusals
+        )
         if (
             event := next(detection.events(now), None)
         ) is not None:  # the next cycle judges the new state
@@ -291,7 +300,7 @@ class Flight:
 
     def _meant(self, order: Event, now_s: float, refusals: Sequence[str]) -> Event | None:
         """Return the event of an order in the present situation, None if it must not be followed."""
-        vehicle = self.heard.vehicle
+        vehicle = self.observed.vehicle
         if order is Event.START:
             if self.barring_modes or refusals or not self._passes(now_s):
                 return None
@@ -303,7 +312,7 @@ class Flight:
                 or self.evader_refusal(now_s)
                 or self.leaving_modes
                 or refusals
-                or not self.heard.has_flown
+                or not self.observed.has_flown
             )
             if barred or not (self.checked or self._passes(now_s)):
                 return None
@@ -313,23 +322,23 @@ class Flight:
 
     def _change(
         self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = ""
-    ) -> Happening:
+    ) -> Transition:
         stage = self.stage
         before = self.stage.state
         after = table.next_state(self.stage.state, event)
-        happening = Happening(now_s, event, before, after, by, detail)
+        transition = Transition(now_s, event, before, after, by, detail)
         ordered = table.is_done(event, after) if by is Authority.OPERATOR else False
         if after is not before or ordered:
-            self.cause = happening
+            self.cause = transition
             stage.battery_was_low = False
             if ordered and after is State.HOLDING:
                 # A hold ordered while the battery is already low, or not known, stands.
-                stage.battery_was_low = self.heard.battery_is_low or self.heard.charge_is_old
+                stage.battery_was_low = self.observed.battery_is_low or self.observed.charge_is_old
         if after is not before:
             left = set[Mode]()
-            now = Moment(now_s, self.settings, self.heard, stage, None, ())
-            if self.heard.mode is not None and not detection.shows_strange_mode(now):
-                left.add(self.heard.mode)
+            now = Moment(now_s, self.settings, self.observed, stage, None, ())
+            if self.observed.mode is not None and not detection.shows_strange_mode(now):
+                left.add(self.observed.mode)
             if after in HANDING_OVER or after is State.ENTERING:
                 # What was asked for before the order may still be on its way.
                 left |= stage.left | ({ASKED_MODES[before]} if before in ASKED_MODES else set())
@@ -337,13 +346,13 @@ class Flight:
             stage.state = after
             stage.since_s = now_s
             stage.other_mode_seen = False
-            stage.may_be_armed = self.heard.vehicle.armed
-            stage.resets_seen = self.heard.vehicle.resets
-            stage.reboots_seen = self.heard.vehicle.reboots
+            stage.may_be_armed = self.observed.vehicle.armed
+            stage.resets_seen = self.observed.vehicle.resets
+            stage.reboots_seen = self.observed.vehicle.reboots
             if after is State.ENGAGED and before is not State.PAUSED:
                 stage.chase_began_s = now_s
             if after in table.ACCEPTED:
-                self.heard.fix_home()
+                self.observed.fix_home()
             self.checked |= before is State.READY and after is not State.CHECKING
             self._claimed |= after not in BEFORE_FLIGHT | HANDING_OVER | table.FINAL
             if after in SETPOINT_STATES and before not in SETPOINT_STATES:
@@ -352,7 +361,7 @@ class Flight:
             lost = after is State.YIELDED and event in {Event.TELEMETRY_LOST, Event.LOOP_STOPPED}
             if lost and before in SETPOINT_STATES and self.settings.autopilot.waits_in_guided:
                 self._asking.hand_over()
-        return happening
+        return transition
 
     def _setpoint(self, now_s: float) -> Setpoint | None:
         """Return a setpoint: to command, to hover until the guided mode is left, or to invite a pilot.
@@ -360,27 +369,27 @@ class Flight:
         Never from an old position: an order given without contact does not end the flight at once.
         """
         state = self.stage.state
-        heard = self.heard
+        observed = self.observed
         inviting = state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
         needs_setpoint = state in SETPOINT_STATES
-        if state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed:
+        if state in HANDING_OVER and observed.mode is Mode.GUIDED and self._claimed:
             # A stream that the autopilot stopped waiting for would take the vehicle back from its failsafe.
-            needs_setpoint = heard.has_flown and not self._stream_ended
+            needs_setpoint = observed.has_flown and not self._stream_ended
         if inviting and now_s - self.stage.since_s > INVITE_AFTER_S:
             needs_setpoint = True
-        chosen = state is State.STANDING_BY and heard.mode is Mode.GUIDED
+        chosen = state is State.STANDING_BY and observed.mode is Mode.GUIDED
         if chosen and self.settings.autopilot.guided_is_ours:
             # Else the vehicle would fly on by the last setpoint of the mode before
             needs_setpoint = True
         setpoint = None
-        view = heard.seen
+        view = observed.seen
         if view is None and needs_setpoint:
-            view = heard.view(now_s)
-        is_fresh = heard.position_age_s <= TELEMETRY_LIMIT_S
+            view = observed.view(now_s)
+        is_fresh = observed.position_age_s <= TELEMETRY_LIMIT_S
         if needs_setpoint and view is not None and is_fresh:
-            setpoint = self._playing.setpoint(view, heard, state, now_s)
+            setpoint = self._playing.setpoint(view, observed, state, now_s)
         if setpoint is None or inviting:
-            heard.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode
+            observed.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode
         else:
-            heard.echo.sent(now_s, setpoint)
+            observed.echo.sent(now_s, setpoint)
         return setpoint

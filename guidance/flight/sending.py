@@ -7,7 +7,7 @@ from guidance.autopilots import Autopilot, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.cycle import Alarm, CycleInputs, CycleMemory, MonitorMemory, hover, play, watch
 from guidance.flight.detection import Stage, arming_refusal
-from guidance.flight.heard import Heard
+from guidance.flight.observed import Observed
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import ASKED_MODES, FINAL, HANDING_OVER, SETPOINT_STATES, State
 from guidance.frames import Ned
@@ -43,7 +43,7 @@ _SAME_S: Final = 1e-6
 
 
 def requests_in(
-    state: State, settings: FlightSettings, heard: Heard, *, arms: bool = False
+    state: State, settings: FlightSettings, observed: Observed, *, arms: bool = False
 ) -> tuple[Request, ...]:
     """Return the requests of a state.
 
@@ -52,12 +52,12 @@ def requests_in(
     Args:
         state: The state.
         settings: Of the flight.
-        heard: Everything received so far.
+        observed: Everything received so far.
         arms: Whether the vehicle may be armed, see `detection.arming_refusal`.
     """
     autopilot = settings.autopilot
-    home = heard.vehicle.latest.get(Home)
-    frame = heard.tracking.local_frame
+    home = observed.vehicle.latest.get(Home)
+    frame = observed.tracking.local_frame
     asked: tuple[Request, ...] = ()
     match state:
         case State.CHECKING | State.READY:
@@ -68,39 +68,39 @@ def requests_in(
             loss_times = tuple(ParameterRequest(name) for name in autopilot.loss_times)
             streams = autopilot.stream_requests()
             asked = places if state is State.READY else (*streams, *places, *loss_times)
-        case State.ARMING if arms or heard.mode is not autopilot.arming_mode:
+        case State.ARMING if arms or observed.mode is not autopilot.arming_mode:
             asked = (autopilot.arm() if arms else autopilot.set_mode(autopilot.arming_mode),)
-        case State.CLIMBING if home is not None and heard.on_ground:
+        case State.CLIMBING if home is not None and observed.on_ground:
             asked = (
                 autopilot.takeoff(
                     height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m
                 ),
             )
-        case State.POSITIONING if heard.start_ned_m is not None and frame is not None:
-            latitude, longitude, amsl = frame.wgs84_from_ned(heard.start_ned_m)
+        case State.POSITIONING if observed.start_ned_m is not None and frame is not None:
+            latitude, longitude, amsl = frame.wgs84_from_ned(observed.start_ned_m)
             asked = (
                 autopilot.reposition(
                     latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=amsl.metres
                 ),
             )
         case State.STANDING_BY if (
-            settings.engage_on is EngageOn.PILOT_MODE and heard.mode is Mode.HOLD
+            settings.engage_on is EngageOn.PILOT_MODE and observed.mode is Mode.HOLD
         ):
             # PX4 returns to OFFBOARD by itself when setpoints return after a loss, unless Hold was requested.
             asked = (autopilot.set_mode(Mode.HOLD),)
         case State.ENTERING:
             asked = (autopilot.set_mode(Mode.GUIDED),)
         case State.HOLDING | State.RETURNING | State.LANDING:
-            asked = ending_requests(ASKED_MODES[state], autopilot, heard)
+            asked = ending_requests(ASKED_MODES[state], autopilot, observed)
     return asked
 
 
-def ending_requests(mode: Mode, autopilot: Autopilot, heard: Heard) -> tuple[Request, ...]:
+def ending_requests(mode: Mode, autopilot: Autopilot, observed: Observed) -> tuple[Request, ...]:
     """Return the requests that end a flight by a mode, or that undo its start if it has not left the ground."""
-    if not heard.has_flown:
+    if not observed.has_flown:
         # In case it leaves the ground just now, it is to hold.
         return (autopilot.set_mode(Mode.HOLD), autopilot.disarm())
-    if heard.mode is mode is autopilot.arming_mode:
+    if observed.mode is mode is autopilot.arming_mode:
         # It flies to the start in its hold too.
         return (autopilot.set_mode(mode), autopilot.stop())
     return (autopilot.set_mode(mode),)
@@ -126,37 +126,37 @@ class Asking:
         self._handing_over = flown
         self._at_once = at_once
 
-    def requests(self, stage: Stage, heard: Heard, now_s: float) -> tuple[Request, ...]:
+    def requests(self, stage: Stage, observed: Observed, now_s: float) -> tuple[Request, ...]:
         """Return the requests of one cycle.
 
         Args:
             stage: State of the flight.
-            heard: Everything received so far.
+            observed: Everything received so far.
             now_s: Time.
         """
         requests: tuple[Request, ...] = ()
         arms = (
             stage.state is State.ARMING
-            and bool(heard.beats)
-            and not arming_refusal(heard, self._settings.autopilot, now_s)
+            and bool(observed.beats)
+            and not arming_refusal(observed, self._settings.autopilot, now_s)
         )
         # A request is repeated only in a cycle with a HEARTBEAT.
         if (
-            (heard.beats or self._asked_s < stage.since_s)
+            (observed.beats or self._asked_s < stage.since_s)
             and stage.state not in FINAL
-            and self._is_due(stage, heard, now_s, arms=arms)
+            and self._is_due(stage, observed, now_s, arms=arms)
         ):
             self._asked_s = now_s
-            requests = requests_in(stage.state, self._settings, heard, arms=arms)
+            requests = requests_in(stage.state, self._settings, observed, arms=arms)
             stage.may_be_armed |= arms
         uncertain = stage.state in {State.ARMING, State.ENTERING}
-        if stage.state in SETPOINT_STATES and heard.echo.strange_s:
+        if stage.state in SETPOINT_STATES and observed.echo.strange_s:
             uncertain = True
         if uncertain and now_s - self._beat_asked_s >= BEAT_EVERY_S - _SAME_S:
             self._beat_asked_s = now_s
             requests = (*requests, self._settings.autopilot.request_message(HEARTBEAT))
         if self._handing_over:
-            fresh = [message for message in heard.messages if message.received_s > stage.since_s]
+            fresh = [message for message in observed.messages if message.received_s > stage.since_s]
             requests = (*requests, *self.hold_requests(now_s, fresh))
         return requests
 
@@ -177,7 +177,7 @@ class Asking:
         self._hold_asked_s = now_s
         return (self._settings.autopilot.set_mode(Mode.HOLD),)
 
-    def _is_due(self, stage: Stage, heard: Heard, now_s: float, *, arms: bool) -> bool:
+    def _is_due(self, stage: Stage, observed: Observed, now_s: float, *, arms: bool) -> bool:
         """Whether the state's requests are due now, for the first time or again."""
         if arms and not stage.may_be_armed:
             return True
@@ -186,8 +186,8 @@ class Asking:
             if stage.state is State.STANDING_BY or now_s - self._asked_s < REPEAT_S:
                 return False
             piloted = stage.state in HANDING_OVER and Mode.OTHER in stage.left
-            done = heard.mode is ASKED_MODES.get(stage.state)
-            if heard.has_flown and (piloted or done):
+            done = observed.mode is ASKED_MODES.get(stage.state)
+            if observed.has_flown and (piloted or done):
                 return False
         if stage.state is not State.ENTERING:
             return True
@@ -196,7 +196,7 @@ class Asking:
         in_state_s = now_s - stage.since_s
         if in_state_s <= streamed_s + _SAME_S:
             return False
-        return True if heard.beats else in_state_s >= UNHEARD_S - _SAME_S
+        return True if observed.beats else in_state_s >= UNHEARD_S - _SAME_S
 
 
 class Playing:
@@ -267,12 +267,14 @@ class Playing:
             follow=memory.follow._replace(drift=drift), place=place_m, height=height
         )
 
-    def setpoint(self, inputs: CycleInputs, heard: Heard, state: State, now_s: float) -> Setpoint:
+    def setpoint(
+        self, inputs: CycleInputs, observed: Observed, state: State, now_s: float
+    ) -> Setpoint:
         """Make this cycle's setpoint.
 
         Args:
             inputs: Of the guidance in this cycle.
-            heard: Everything received so far.
+            observed: Everything received so far.
             state: State of the flight.
             now_s: Time.
         """
@@ -284,11 +286,11 @@ class Playing:
         guide = (
             play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
         )
-        output = guide(inputs._replace(ask=self._asked), heard.cycle, self.memory)
+        output = guide(inputs._replace(ask=self._asked), observed.cycle, self.memory)
         self.memory = output.memory
         if (certificate := output.certificate) is not None:
             if settings.reserve is not None:
-                certificate = certificate._replace(battery_needed=heard.battery_needed)
+                certificate = certificate._replace(battery_needed=observed.battery_needed)
             self.certificate = certificate
             if state is State.ENGAGED:
                 aimed = settings.cycle.target_game_m is not None

@@ -197,7 +197,7 @@ class Inputs(NamedTuple):
     answer: tuple[float, ...] | None = None
 
 
-class Happening(NamedTuple):
+class Transition(NamedTuple):
     """An event and its effect.
 
     Attributes:
@@ -229,20 +229,20 @@ class Outputs(NamedTuple):
         state: The flight's, after this cycle.
         setpoint: To send now; None sends nothing.
         requests: To send to the vehicle.
-        happenings: One for each order, then the detected events.
+        transitions: One for each order, then the detected events.
         certificate: Of the game, if it was played in this cycle.
         alarm: If the game's promise was broken in this cycle.
         fault: An error of guidance itself. It ends the flight.
-        cause: The happening that led to the present state; None in the first state.
+        cause: The transition that led to the present state; None in the first state.
         answer: The action of the user's policy in this cycle; None without one.
     """
 
     state: State
     setpoint: Setpoint | None
     requests: tuple[Request, ...]
-    happenings: tuple[Happening, ...]
+    transitions: tuple[Transition, ...]
     certificate: Certificate | None
     alarm: Alarm | None = None
     fault: str | None = None
-    cause: Happening | None = None
+    cause: Transition | None = None
     answer: tuple[float, ...] | None = None

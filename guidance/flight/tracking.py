@@ -32,8 +32,8 @@ _SAME_M: Final = 0.5
 
 _STILL_REPORTS_S: Final = 2.0
 
-HOME_TOLD_M: Final = 3.0
-"""A home reported so far from the flight's own, and from the last one told, is told. PX4's wanders by up to 2 m."""
+HOME_NOTE_M: Final = 3.0
+"""A home that is so far from the flight's own and from the last one noted is noted. PX4's wanders by up to 2 m."""
 
 _JUDGE_AGE_S: Final = 1.0
 """Without a global position this recent, the reported origin is accepted."""
@@ -76,7 +76,7 @@ class Tracking:
         self._jumped_ned_m = NOWHERE
         self._home: Home | None = None
         self._other_home: Home | None = None
-        self._told_home_ned_m: Ned | None = None
+        self._noted_home_ned_m: Ned | None = None
         self.held_back_ned_m = NOWHERE
         self.home_ned_m: Ned | None = None
         self.local_frame: LocalFrame | None = None
@@ -137,10 +137,10 @@ class Tracking:
         other_ned_m = frame.ned_from_wgs84(
             other.latitude_deg, other.longitude_deg, Amsl(other.altitude_amsl_m)
         )
-        told_ned_m = home_ned_m if self._told_home_ned_m is None else self._told_home_ned_m
-        if math.dist(other_ned_m, told_ned_m) <= HOME_TOLD_M:
+        noted_ned_m = home_ned_m if self._noted_home_ned_m is None else self._noted_home_ned_m
+        if math.dist(other_ned_m, noted_ned_m) <= HOME_NOTE_M:
             return ""
-        self._told_home_ned_m = other_ned_m
+        self._noted_home_ned_m = other_ned_m
         level_m = math.dist(other_ned_m[:2], home_ned_m[:2])
         above_m = home_ned_m[2] - other_ned_m[2]
         return (

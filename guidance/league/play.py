@@ -32,8 +32,8 @@ from guidance.sim.maths import (
     chased,
     ends_of,
     fled,
-    heard_nothing,
     moment_of_engagement,
+    receive_due_reports,
 )
 from guidance.sim.scenario import EVADER, PURSUER
 from guidance.strategies import OPTIMAL
@@ -76,7 +76,7 @@ class Games:
         self._period_s = period_s
         self.batch = _owned(batch_at(arena.template, random_states(arena, seeds)))
         self.moment = _owned(moment_of_engagement(self.batch))
-        heard_nothing(self.batch, self.moment)
+        receive_due_reports(self.batch, self.moment)
         self.solution = _solved(self._arena.valued, self.batch, self.moment)
         self.score = _scores(self._arena, self.batch, self.moment, self.solution)
         self.opening_score = self.score.copy()
@@ -97,7 +97,7 @@ class Games:
         """Begin some games anew, in the states of seeds."""
         batch = batch_at(self._arena.template, random_states(self._arena, seeds))
         moment = moment_of_engagement(batch)
-        heard_nothing(batch, moment)
+        receive_due_reports(batch, moment)
         solution = _solved(self._arena.valued, batch, moment)
         score = _scores(self._arena, batch, moment, solution)
         put(self.batch, batch, rows)
@@ -129,7 +129,7 @@ class Games:
         while True:
             velocities = _velocities(batch, moment, steered)
             moment = advance_held(batch, moment, ahead, velocities, np.minimum(left_s, longest_s))
-            heard_nothing(batch, moment)
+            receive_due_reports(batch, moment)
             left_s = left_s - moment.step_s
             ahead = _look(batch, moment)
             moment = moment._replace(end=ends_of(batch, moment, ahead))

@@ -136,7 +136,7 @@ class Checkup:
     def _facts(self) -> Facts:
         flight = self._daemon.flight
         now_s = self._clock.now_s()
-        return self._daemon.survey.memory.facts(flight.vehicle, now_s, flight.heard.other_beat)
+        return self._daemon.survey.memory.facts(flight.vehicle, now_s, flight.observed.other_beat)
 
     def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
         """Return the parameters to set, from the values read."""

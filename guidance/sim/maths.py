@@ -84,7 +84,7 @@ class BatchMoment(NamedTuple):
         step_s: Length of the last step.
         turning_rad_s: Mean rate of turn of the last step, for proportional navigation of a pursuer that sees the
             evader; else None.
-        heard: Reports that the pursuer received; None if it sees the evader.
+        received: Reports that the pursuer received; None if it sees the evader.
         lost_s: Waiting time for a report.
         standoff_m: Least horizontal distance so far.
         altitude_m: Least height above the evader's plane so far.
@@ -102,7 +102,7 @@ class BatchMoment(NamedTuple):
     run_m_s: Array
     step_s: Array
     turning_rad_s: Array | None
-    heard: Received | None
+    received: Received | None
     lost_s: Array
     standoff_m: Array
     altitude_m: Array
@@ -164,7 +164,7 @@ def moment_of_engagement(batch: Batch) -> BatchMoment:
         pursuer_m=P,
         evader_m=E,
         turning_rad_s=turning_rad_s,
-        heard=knowledge,
+        received=knowledge,
         standoff_m=_level(P - E),
         altitude_m=P[:, 2],
         happened=nothing_happened,
@@ -217,7 +217,7 @@ def ends_of(batch: Batch, moment: BatchMoment, ahead: Ahead) -> NDArray[np.int8]
 
 def _advance(batch: Batch, moment: BatchMoment, ahead: Ahead) -> BatchMoment:
     """Ask both players for velocities and move both by one step; finished games stay where they are."""
-    waiting = heard_nothing(batch, moment)
+    waiting = receive_due_reports(batch, moment)
     slope = first = _slope(batch, moment, moment.pursuer_m, moment.evader_m)
     v, w = first[:2]
     no_game = ~np.isfinite(v[:, 0])
@@ -244,9 +244,9 @@ def _advance(batch: Batch, moment: BatchMoment, ahead: Ahead) -> BatchMoment:
     return moved._replace(flown_m_s=v, run_m_s=w)
 
 
-def heard_nothing(batch: Batch, moment: BatchMoment) -> NDArray[np.bool_]:
+def receive_due_reports(batch: Batch, moment: BatchMoment) -> NDArray[np.bool_]:
     """Make the measurements and receive the reports that are due; return who has waited too long for one, (n,)."""
-    knowledge = moment.heard
+    knowledge = moment.received
     if knowledge is None:
         return np.zeros(len(moment.row), dtype=bool)
     sensor = batch.kind.sensor
@@ -261,7 +261,7 @@ def advance_held(
 
     Args:
         batch: The games.
-        moment: The present one, after `heard_nothing`. A pursuer that hears nothing waits, whatever is asked for.
+        moment: The present one, after `receive_due_reports`. A pursuer that hears nothing waits, whatever is asked for.
         ahead: Of the present moment.
         velocities: Velocities over the ground, (n, 3), m/s, and where the moment has one, the rate of turn.
         longest_s: Longest step, one number or (n,).
@@ -269,8 +269,8 @@ def advance_held(
     v, w, *turn = velocities
     no_game = ~np.isfinite(v[:, 0])
     waiting = np.zeros(len(v), dtype=bool)
-    if moment.heard is not None:
-        waiting = moment.now_s - moment.heard.measured_s > TIMEOUT_S
+    if moment.received is not None:
+        waiting = moment.now_s - moment.received.measured_s > TIMEOUT_S
     stopped = no_game | waiting
     if stopped.any():
         v = np.where(stopped[:, None], 0.0, v)
@@ -324,7 +324,7 @@ def _moved(
     lost_s = np.where(waiting, moment.lost_s + step_s, 0.0)
     standoff_m = np.minimum(moment.standoff_m, _level(P - E))
     altitude_m = np.minimum(moment.altitude_m, P[:, 2])
-    happening = np.stack([*at_limits, waiting, no_game, no_run], axis=-1)
+    now_true = np.stack([*at_limits, waiting, no_game, no_run], axis=-1)
     return moment._replace(
         now_s=moment.now_s + step_s,
         pursuer_m=P,
@@ -334,7 +334,7 @@ def _moved(
         lost_s=lost_s,
         standoff_m=standoff_m,
         altitude_m=altitude_m,
-        happened=moment.happened | happening,
+        happened=moment.happened | now_true,
     )
 
 
@@ -428,7 +428,7 @@ def _mean_slope(batch: Batch, moment: BatchMoment, step_s: Array, first: Slope) 
 def _slope(
     batch: Batch, moment: BatchMoment, P: Array, E: Array, first: Slope | None = None
 ) -> Slope:
-    """Return the players' velocities, and the turn; the pursuer sees the evader, or knows what it has heard.
+    """Return the players' velocities, and the turn; the pursuer sees the evader, or knows what it has received.
 
     Args:
         batch: The games.
@@ -464,7 +464,7 @@ def chased(batch: Batch, moment: BatchMoment, P: Array, E: Array, run_m_s: Array
 
     Args:
         batch: The games.
-        moment: For the clocks, the memory of the strategy, and the reports that were heard.
+        moment: For the clocks, the memory of the strategy, and the reports that were received.
         P: Positions of the pursuers.
         E: Positions of the evaders.
         run_m_s: Velocities of the evaders, (n, 3).
@@ -493,8 +493,8 @@ class View(NamedTuple):
 
 def view_of(batch: Batch, moment: BatchMoment, E: Array, run_m_s: Array) -> View:
     """Return what the pursuers know of evaders at E that run; late and noisy where the scenario has a sensor."""
-    if moment.heard is not None:
-        knowledge = moment.heard
+    if moment.received is not None:
+        knowledge = moment.received
         known_m, bound_m_s, age_s = extrapolated(
             batch.noise, knowledge, batch.believed_m_s, moment.now_s
         )
@@ -516,8 +516,8 @@ def _changes_s(batch: Batch, moment: BatchMoment) -> Iterator[Array]:
     for strategy in (batch.pursuer, batch.evader):
         if strategy.course is not None:
             yield strategy.course.corner_s(moment.now_s) - moment.now_s
-    if moment.heard is not None:
-        yield next_event_s(batch.kind.sensor, moment.heard) - moment.now_s
+    if moment.received is not None:
+        yield next_event_s(batch.kind.sensor, moment.received) - moment.now_s
 
 
 def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_]]]:

@@ -121,9 +121,9 @@ class Member:
         if self.board.roles is not None:
             assigned = self.board.roles.roles
         own_role = next((role for role in assigned if role.vehicle == self.vehicle), None)
-        before = flight.heard.role or self._first
+        before = flight.observed.role or self._first
         role = before if own_role is None else Role(own_role.evader, own_role.above_m)
-        if role == flight.heard.role:
+        if role == flight.observed.role:
             new_role = None
         elif role.evader == before.evader:
             new_role = role
@@ -134,7 +134,7 @@ class Member:
             waits = now_s - last_end_s < STAYS_S
             if waits or is_unseen or role.evader in self.board.over:
                 self.board.counts["roles_left_out"] += not waits
-                new_role = before if flight.heard.role is None else None
+                new_role = before if flight.observed.role is None else None
             else:
                 new_role = role
         return states, new_role, unheard
@@ -143,8 +143,8 @@ class Member:
         """Return the assignment if it differs from that of the last call, or if the vehicle begins to play."""
         roles = self.board.roles
         begins = any(
-            happening.after is State.ENGAGED and happening.before is not State.ENGAGED
-            for happening in outputs.happenings
+            transition.after is State.ENGAGED and transition.before is not State.ENGAGED
+            for transition in outputs.transitions
         )
         if roles is None or (roles is self._noted and not begins):
             return None
@@ -157,7 +157,7 @@ class Member:
     def assignment(self, flight: Flight) -> dict[str, Any]:
         """Return its role, the coordinator, all promises and the evaders out of play, for displays."""
         roles = self.board.roles
-        role = flight.heard.role or self._first
+        role = flight.observed.role or self._first
         unit = "s" if flight.settings.cycle.target_game_m is None else "m"
         if roles is None:
             promises = []
@@ -184,11 +184,11 @@ class Member:
         """Tell the mates about the vehicle and the evaders, and assign roles as the coordinator."""
         ends = {Event.CAPTURED, Event.ESCAPED}
         has_ended = any(
-            happening.event in ends and happening.after is not happening.before
-            for happening in outputs.happenings
+            transition.event in ends and transition.after is not transition.before
+            for transition in outputs.transitions
         )
-        if has_ended and flight.heard.role is not None:
-            self.board.close((flight.heard.role.evader,), now_s)
+        if has_ended and flight.observed.role is not None:
+            self.board.close((flight.observed.role.evader,), now_s)
         if now_s - self._told_s >= EVERY_S - ROUNDING_S:
             self._told_s = now_s
             self._publish(flight, outputs)
@@ -213,7 +213,7 @@ class Member:
             position = _position_fields(measured_s, frame.wgs84_from_ned(local.position_ned_m))
             vehicle = flight.vehicle
             is_airborne = vehicle.armed and not vehicle.on_ground
-            role = flight.heard.role
+            role = flight.observed.role
             part: Literal["out", "ready", "playing"] = "out"
             if flight.state in _PLAYING:
                 part = "playing"

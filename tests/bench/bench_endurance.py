@@ -215,7 +215,7 @@ class Person:
         self.cycles += 1
         self.setpoints += outputs.setpoint is not None
         self.engagements += any(
-            happening.after is State.ENTERING for happening in outputs.happenings
+            transition.after is State.ENTERING for transition in outputs.transitions
         )
         if self._daemon.flight.state in {
             State.YIELDED,
@@ -223,7 +223,7 @@ class Person:
             State.LANDED,
             State.RETURNING,
         }:
-            raise SystemExit(f"{now_s:.1f} s: {self._daemon.flight.state}: {outputs.happenings}")
+            raise SystemExit(f"{now_s:.1f} s: {self._daemon.flight.state}: {outputs.transitions}")
         if now_s >= self._scrape_s:
             self._scrape_s += SCRAPE_EVERY_S
             self.scrapes += b"guidance_cycles_total" in generate_latest(self._metrics.registry)

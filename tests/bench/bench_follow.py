@@ -526,8 +526,8 @@ class Aircraft:
         self._longest_gap_s = max(self._longest_gap_s, now_s - self._cycled_s)
         self._cycled_s = now_s
         outputs = pilot.run(now_s, orders)
-        for happening in outputs.happenings:
-            self._say(f"    {happening.words}: {happening.before} -> {happening.after}")
+        for transition in outputs.transitions:
+            self._say(f"    {transition.words}: {transition.before} -> {transition.after}")
 
     def _hover(self, pilot: FlownByHand, leader: Leader, seconds: float) -> None:
         until_s = self._clock.now_s() + seconds

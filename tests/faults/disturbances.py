@@ -344,13 +344,13 @@ class Disturbed:
             self._guided_s = now_s
         self._judge_orders(now_s, outputs)
         self._judge_status(now_s, outputs)
-        engaged = any(one.after is State.ENTERING for one in outputs.happenings)
+        engaged = any(one.after is State.ENTERING for one in outputs.transitions)
         if engaged and self._unsafe_s is not None and now_s - self._unsafe_s > READ_S:
             self._wrong("no game with an unsafe parameter", now_s, now_s - self._unsafe_s, "")
 
     def _judge_start(self, now_s: float, outputs: Outputs, who: str) -> None:
         """Nobody else's vehicle is taken: armed on the ground, or in its guided mode."""
-        for one in outputs.happenings:
+        for one in outputs.transitions:
             if one.event not in {Event.START, Event.ALOFT} or one.after is one.before:
                 continue
             armed_s = self._armed_s
@@ -374,7 +374,7 @@ class Disturbed:
             gone = outputs.state in FINAL
             if order in ENDING and begun and not accepted and not gone:
                 self._wrong("an order is obeyed", asked_s, 1.0, f"{order}: {question.result()}")
-        for one in outputs.happenings:
+        for one in outputs.transitions:
             if one.by is not Authority.OPERATOR:
                 continue
             if one.event in ENDING and one.after in HANDING_OVER:
@@ -399,12 +399,12 @@ class Disturbed:
             return
         silent_s = now_s - self._status_s
         began = any(
-            one.event is Event.START and one.after is not one.before for one in outputs.happenings
+            one.event is Event.START and one.after is not one.before for one in outputs.transitions
         )
         if began and silent_s > STATUS_LIMIT_S + 1.2:
             self._wrong("no start by an old status", now_s, silent_s, "")
         # One transition a cycle: the climb has begun in this one, or has ended in it.
-        stays = all(one.after is one.before for one in outputs.happenings)
+        stays = all(one.after is one.before for one in outputs.transitions)
         plays_on = stays and (outputs.state, Event.BATTERY_UNKNOWN) in TRANSITIONS
         if plays_on and silent_s > CHARGE_LIMIT_S + 1.2 and not self.ended_by_order:
             self._wrong("no flight by an old charge", now_s, silent_s, str(outputs.state))

@@ -247,12 +247,12 @@ def fly(case: Case, folder: Path | None = None, starts: Starts | None = None) ->
     else:
         sortie.fly(case)
         sortie.close()
-    happenings = [
-        happening
-        for happening in sortie.mission.result.vehicles[PURSUER].happenings
-        if happening.after is not happening.before
+    transitions = [
+        transition
+        for transition in sortie.mission.result.vehicles[PURSUER].transitions
+        if transition.after is not transition.before
     ]
-    end = f"{sortie.state} ({happenings[-1].event})" if happenings else str(sortie.state)
+    end = f"{sortie.state} ({transitions[-1].event})" if transitions else str(sortie.state)
     return Row(
         case, end, sortie.clock.now_s(), time.process_time() - begun_s, sortie.watch.breaches_m,
         tuple(sortie.watch.worst.values()),

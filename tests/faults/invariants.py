@@ -234,15 +234,15 @@ class Watch:
             self._home_off_m = self._home_off(flight.tracking.home_ned_m)
         if self._home_m is None and outputs.state not in BEFORE_FLIGHT:
             self._home_m = self._pursuer.autopilot.state.home_m
-        for happening in outputs.happenings:
-            legal = TRANSITIONS.get((happening.before, happening.event), happening.before)
-            refused = happening.event in ORDERS and happening.after is happening.before
-            if happening.after is not legal and not refused:
+        for transition in outputs.transitions:
+            legal = TRANSITIONS.get((transition.before, transition.event), transition.before)
+            refused = transition.event in ORDERS and transition.after is transition.before
+            if transition.after is not legal and not refused:
                 self.wrong(
                     "the table",
                     now_s,
                     1.0,
-                    f"{happening.before} {happening.event} {happening.after}",
+                    f"{transition.before} {transition.event} {transition.after}",
                 )
         self._accuse_rightly(now_s, outputs, flight)
         if outputs.fault is not None:
@@ -263,7 +263,7 @@ class Watch:
         )
 
     def _accuse_rightly(self, now_s: float, outputs: Outputs, flight: Any) -> None:
-        accused = any(happening.event is Event.RIVAL for happening in outputs.happenings)
+        accused = any(transition.event is Event.RIVAL for transition in outputs.transitions)
         if accused and "evader_forger" not in self.case.kinds:
             self.wrong(
                 "no second evader where there is one", now_s, 1.0, flight.tracking.rival(now_s)

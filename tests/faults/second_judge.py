@@ -246,7 +246,7 @@ class SecondJudge:
             )
         for message in setpoints:
             self._judge_setpoint(now_s, message)
-        names = {str(happening.event) for happening in outputs.happenings}
+        names = {str(transition.event) for transition in outputs.transitions}
         self._noticed |= "setpoints of another source" in names
         if (
             "second source of the evader's reports" in names

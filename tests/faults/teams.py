@@ -446,7 +446,7 @@ class Sortie:
                 self.stopped.add(name)
             watch = self.watches[name]
             frames = f"{name}/mavlink_raw/in"
-            role = daemon.flight.heard.role
+            role = daemon.flight.observed.role
             if role is not None:
                 watch.rover = self.world.vehicles[role.evader]
             watch.sent(

@@ -43,7 +43,7 @@ def judge():
     ],
 )
 def test_wrong_setpoints_are_found(judge, frames, invariant):
-    judge.sent(5.0, frames, SimpleNamespace(happenings=()), None)
+    judge.sent(5.0, frames, SimpleNamespace(transitions=()), None)
     assert invariant in judge.worst
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from guidance.config import parse_document
-from guidance.flight.heard import Echo
+from guidance.flight.observed import Echo
 from guidance.sim.scenario import Scenario
 from tests.faults import flying
 from tests.faults.drawing import KINDS, Case, draw_case

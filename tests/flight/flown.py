@@ -71,11 +71,11 @@ class Flown:
                 status(self.now_s),
                 home(self.now_s),
             ]
-        heard = [*([] if self.evader is None else [self.report()]), *reports]
+        observed = [*([] if self.evader is None else [self.report()]), *reports]
         self.outputs = self.flight.step(
-            self.now_s, self.inputs([*said, *more], heard, orders, refusals)
+            self.now_s, self.inputs([*said, *more], observed, orders, refusals)
         )
-        self.outcomes[outcome_of(self.flight)] += 1 if heard else 0
+        self.outcomes[outcome_of(self.flight)] += 1 if observed else 0
         return self.outputs
 
     def inputs(self, *read):

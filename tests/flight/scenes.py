@@ -8,7 +8,7 @@ from guidance.cycle import Certificate, CycleSettings
 from guidance.estimation import EvaderEstimate
 from guidance.flight import FlightSettings
 from guidance.flight.detection import Moment, Stage
-from guidance.flight.heard import Heard
+from guidance.flight.observed import Observed
 from guidance.frames import Enu, Ned
 from guidance.game import Ball, Game, StandOff
 from guidance.messages import (
@@ -155,26 +155,26 @@ STAGE = {
 
 def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     """Return a context without events except for the changes."""
-    heard = Heard(settings)
-    heard.vehicle = well() if vehicle is None else vehicle
-    heard.position_age_s = heard.vehicle.age_s(LocalPosition, NOW_S)
-    heartbeat = heard.vehicle.latest.get(Heartbeat)
-    heard.mode = None if heartbeat is None else settings.autopilot.mode_of(heartbeat.custom_mode)
-    heard.dt_s = changes.pop("dt_s", 0.02)
-    heard.beats = changes.pop("beats", ())
-    heard.foreign = changes.pop("foreign", False)
-    heard.battery_is_low = changes.pop("battery_is_low", False)
-    heard.start_ned_m = changes.pop("start_ned_m", None)
+    observed = Observed(settings)
+    observed.vehicle = well() if vehicle is None else vehicle
+    observed.position_age_s = observed.vehicle.age_s(LocalPosition, NOW_S)
+    heartbeat = observed.vehicle.latest.get(Heartbeat)
+    observed.mode = None if heartbeat is None else settings.autopilot.mode_of(heartbeat.custom_mode)
+    observed.dt_s = changes.pop("dt_s", 0.02)
+    observed.beats = changes.pop("beats", ())
+    observed.foreign = changes.pop("foreign", False)
+    observed.battery_is_low = changes.pop("battery_is_low", False)
+    observed.start_ned_m = changes.pop("start_ned_m", None)
     usual = {
         "evader_ned_m": None,
         "evader_silence_s": 0.1,
         "rival": "",
         "home_ned_m": Ned((0.0, 0.0, HOME_DOWN_M)),
     }
-    heard.tracking = Told(*(changes.pop(name, value) for name, value in usual.items()))
-    heard.position_ned_m = changes.pop("position_ned_m", Ned((0.0, 0.0, HOME_DOWN_M - 10.0)))
+    observed.tracking = Told(*(changes.pop(name, value) for name, value in usual.items()))
+    observed.position_ned_m = changes.pop("position_ned_m", Ned((0.0, 0.0, HOME_DOWN_M - 10.0)))
     about_home = replace(ENVELOPE, home_ned_m=Ned((0.0, 0.0, HOME_DOWN_M)))
-    heard.cycle = replace(settings.cycle, envelope=changes.pop("envelope", about_home))
+    observed.cycle = replace(settings.cycle, envelope=changes.pop("envelope", about_home))
     stage = {
         **STAGE,
         **{name: changes.pop(name) for name in Stage.__dataclass_fields__ if name in changes},
@@ -182,7 +182,7 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     return Moment(
         now_s=NOW_S,
         settings=settings,
-        heard=heard,
+        observed=observed,
         stage=Stage(state, **stage),
         certificate=changes.pop("certificate", QUIET),
         refusals=changes.pop("refusals", ()),

@@ -56,7 +56,7 @@ def test_a_vehicle_in_another_mode_is_armed_in_the_mode_that_it_takes_off_in(sor
         assert sortie.state is State.ARMING
         assert sortie.now_s - started_s < 4.0
     assert sortie.now_s - started_s > JUDGED_AFTER_S
-    assert sortie.flight.heard.mode is sortie.flight.settings.autopilot.arming_mode
+    assert sortie.flight.observed.mode is sortie.flight.settings.autopilot.arming_mode
     sortie.until(State.STANDING_BY)
 
 

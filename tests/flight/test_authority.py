@@ -153,9 +153,9 @@ def test_without_a_start_an_order_ends_the_flight_or_changes_nothing(state, orde
     flown = Flown()
     flown.cycle()
     flown.flight.stage.state = state
-    (happening,) = [one for one in flown.cycle(order).happenings if one.event is order]
+    (transition,) = [one for one in flown.cycle(order).transitions if one.event is order]
     expected = State.FAILED if order is Event.ABORT and state in BEFORE_FLIGHT else state
-    assert (happening.before, happening.after, happening.by) == (
+    assert (transition.before, transition.after, transition.by) == (
         state,
         expected,
         Authority.OPERATOR,
@@ -164,7 +164,7 @@ def test_without_a_start_an_order_ends_the_flight_or_changes_nothing(state, orde
 
 def test_a_mission_may_end_what_the_flight_or_the_mission_itself_began():
     flown = Obeying(settings_of().autopilot)
-    (held,) = flown.cycle(mission=[Event.HOLD]).happenings
+    (held,) = flown.cycle(mission=[Event.HOLD]).transitions
     assert (held.after, held.by) == (State.HOLDING, Authority.MISSION)
     flown.cycle(mission=[Event.LAND])
     assert (flown.state, flown.flight.ordered_by_operator) == (State.LANDING, False)
@@ -178,14 +178,14 @@ def test_an_order_for_what_is_done_already_takes_it_from_the_mission(order):
     flown.cycle(order)
     assert flown.flight.ordered_by_operator
     other = Event.LAND if order is Event.HOLD else Event.HOLD
-    (refused,) = flown.cycle(mission=[other]).happenings
+    (refused,) = flown.cycle(mission=[other]).transitions
     assert refused.event is other
     assert refused.after is refused.before is LEADS_TO[order]
 
 
 def test_an_operators_order_of_the_same_cycle_goes_before_the_missions():
     flown = Obeying(settings_of().autopilot)
-    first, second = flown.cycle(Event.HOLD, mission=[Event.LAND]).happenings
+    first, second = flown.cycle(Event.HOLD, mission=[Event.LAND]).transitions
     assert (first.by, first.after) == (Authority.OPERATOR, State.HOLDING)
     assert (second.by, second.after) == (Authority.MISSION, State.HOLDING)
 
@@ -254,9 +254,9 @@ def test_a_telemetry_gap_while_standing_by_is_named_and_heals_but_does_not_engag
     flown.cycles(2.3, silent=True)
     assert flown.state is State.OUT_OF_CONTACT
     assert flown.flight.cause.words == "no telemetry for 1.0 s"
-    assert flown.cycle(Event.ENGAGE, silent=True).happenings[0].after is State.OUT_OF_CONTACT
+    assert flown.cycle(Event.ENGAGE, silent=True).transitions[0].after is State.OUT_OF_CONTACT
     outputs = flown.cycles(20.0)
-    assert [happening.after for output in outputs for happening in output.happenings] == [
+    assert [transition.after for output in outputs for transition in output.transitions] == [
         State.STANDING_BY
     ]
     assert commands(outputs) == []
@@ -277,7 +277,7 @@ def test_out_of_contact_the_vehicle_can_be_sent_somewhere(order, state):
     flown = Obeying(settings_of().autopilot)
     flown.cycles(2.0, silent=True)
     outputs = flown.cycle(order, silent=True)
-    assert outputs.happenings[0].after is state
+    assert outputs.transitions[0].after is state
     assert commands([outputs]) != []
 
 

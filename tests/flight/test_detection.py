@@ -20,7 +20,7 @@ from guidance.flight.detection import (
     telemetry_refusal,
 )
 from guidance.flight.freshness import NEEDED
-from guidance.flight.heard import Heard
+from guidance.flight.observed import Observed
 from guidance.flight.settings import AfterCapture, Inputs
 from guidance.flight.table import (
     ASKED_MODES,
@@ -82,13 +82,14 @@ def test_only_what_the_table_answers_is_asked():
         assert {(state, event) for event in events(context(state, **wild))} <= set(TRANSITIONS)
 
 
-@pytest.mark.parametrize(("age_s", "heard"), [(0.0, True), (3.0, True), (3.01, False)])
-def test_a_heartbeat_counts_for_three_seconds(age_s, heard):
+@pytest.mark.parametrize(("age_s", "is_fresh"), [(0.0, True), (3.0, True), (3.01, False)])
+def test_a_heartbeat_counts_for_three_seconds(age_s, is_fresh):
     vehicle = well(heartbeat(NOW_S - age_s))
-    assert happens(Event.HEARD, State.CONNECTING, vehicle=vehicle) is heard
+    assert happens(Event.HEARD, State.CONNECTING, vehicle=vehicle) is is_fresh
     for state in (State.CHECKING, State.READY, *FLYING):
         assert (
-            happens(Event.TELEMETRY_LOST, state, vehicle=vehicle, since_s=NOW_S - 2.0) is not heard
+            happens(Event.TELEMETRY_LOST, state, vehicle=vehicle, since_s=NOW_S - 2.0)
+            is not is_fresh
         )
 
 
@@ -160,8 +161,8 @@ def test_the_hold_below_the_height_of_px4s_climb_is_a_pilots(height_m, landed, i
     beat = heartbeat(mode=Mode.HOLD)
     here = local(NOW_S, (0.0, 0.0, HOME_DOWN_M - height_m))
     moment = context(State.CLIMBING, vehicle=well(beat, here, LandedState(NOW_S, landed)))
-    moment.heard.beats = [beat] if is_told_now else []
-    moment.heard.on_ground = landed == 1
+    moment.observed.beats = [beat] if is_told_now else []
+    moment.observed.on_ground = landed == 1
     assert (Event.PILOT in set(events(moment))) is pilots
 
 
@@ -334,10 +335,10 @@ def test_without_a_stand_off_or_an_evader_there_is_none_to_break():
     ],
 )
 def test_a_battery_is_low_when_three_reports_in_succession_are_below_the_minimum(batteries, low):
-    heard = Heard(SETTINGS)
+    observed = Observed(SETTINGS)
     for number, battery in enumerate(batteries):
-        heard.take_in(float(number), Inputs([status(float(number), battery)]), in_flight=True)
-    is_low = heard.battery_is_low
+        observed.take_in(float(number), Inputs([status(float(number), battery)]), in_flight=True)
+    is_low = observed.battery_is_low
     assert happens(Event.BATTERY_LOW, State.ENGAGED, battery_is_low=is_low) is low
 
 
@@ -488,7 +489,7 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
 
 
 @pytest.mark.parametrize(
-    ("delay_s", "silence_s", "happening"),
+    ("delay_s", "silence_s", "expected"),
     [
         (0.0, 0.9, []),
         (0.0, 1.1, [Event.TELEMETRY_LOST]),
@@ -498,13 +499,13 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
     ],
 )
 def test_telemetry_that_stops_is_lost_and_telemetry_that_is_old_on_arrival_is_late(
-    delay_s, silence_s, happening
+    delay_s, silence_s, expected
 ):
     messages = [heartbeat(armed=True), local(NOW_S - silence_s)]
     vehicle = observe(VehicleState(), messages)._replace(clock=BootClock(delay_s=delay_s))
     moment = context(State.ENGAGED, vehicle=vehicle)
     telemetry = {Event.TELEMETRY_LOST, Event.LATE}
-    assert [event for event in events(moment) if event in telemetry] == happening
+    assert [event for event in events(moment) if event in telemetry] == expected
 
 
 def test_what_is_done_in_time_has_not_taken_too_long():
@@ -524,14 +525,16 @@ def test_fit_is_every_check_and_no_refusal():
         assert list(events(context(State.READY, **unfit))) == [Event.UNFIT]
 
 
-def heard_of(vehicle, autopilot=PX4, **changes):
-    return context(State.READY, vehicle=vehicle, settings=settings_of(autopilot), **changes).heard
+def observed_of(vehicle, autopilot=PX4, **changes):
+    return context(
+        State.READY, vehicle=vehicle, settings=settings_of(autopilot), **changes
+    ).observed
 
 
 def row(name, vehicle, autopilot=PX4):
     (one,) = [
         check
-        for check in checks(heard_of(vehicle, autopilot), autopilot, NOW_S)
+        for check in checks(observed_of(vehicle, autopilot), autopilot, NOW_S)
         if check.name == name
     ]
     return one.verdict == "pass", one.value
@@ -595,7 +598,7 @@ def test_a_delay_that_is_unknown_is_no_pass():
 
 
 def test_what_was_never_heard_passes_no_check():
-    rows = checks(heard_of(VehicleState()), PX4, NOW_S)
+    rows = checks(observed_of(VehicleState()), PX4, NOW_S)
     kinds = [kind.__name__ for kind in NEEDED]
     assert [check.name for check in rows] == [
         "autopilot",
@@ -647,7 +650,7 @@ def test_a_second_sender_ends_a_game_and_bars_an_engagement_until_it_is_gone():
 
 def test_a_check_that_fails_says_what_to_do_and_one_that_passes_does_not():
     for vehicle in (VehicleState(), well(), well()._replace(contradicted_s=CONTRADICTED)):
-        for check in checks(heard_of(vehicle), PX4, NOW_S):
+        for check in checks(observed_of(vehicle), PX4, NOW_S):
             assert isinstance(check.advice, str)
             assert (check.advice == "") is (check.verdict == "pass")
             assert check.wanted == ""
@@ -696,7 +699,7 @@ def test_a_gap_of_telemetry_names_what_is_missing_and_for_how_long(
 )
 def test_a_takeover_names_the_mode(mode, words):
     moment = context(State.ENGAGED)
-    moment.heard.mode = mode
+    moment.observed.mode = mode
     assert detail_of(Event.PILOT, moment) == f"{words}a pilot or the autopilot chose that mode"
 
 
@@ -704,7 +707,7 @@ def test_lost_telemetry_names_another_autopilot_that_is_heard_instead():
     moment = context(State.ENGAGED, vehicle=VehicleState())
     assert detail_of(Event.TELEMETRY_LOST, moment) == "no telemetry for inf s"
     for age_s, named in ((3.0, True), (3.1, False)):
-        moment.heard.other_beat = heartbeat(NOW_S - age_s, autopilot=ARDUCOPTER)._replace(
+        moment.observed.other_beat = heartbeat(NOW_S - age_s, autopilot=ARDUCOPTER)._replace(
             vehicle_type=1
         )
         other = "; MAV_AUTOPILOT 3, fixed wing (MAV_TYPE 1), is heard instead"
@@ -729,9 +732,9 @@ def test_a_policys_fault_is_the_detail_of_its_failure():
 
 def test_every_detail_is_a_sentence_of_its_moment_and_most_events_need_none():
     moment = context(State.ENGAGED, vehicle=well()._replace(clock=LATE), dt_s=2.04)
-    moment.heard.silent_mate = lambda now_s: "bravo" if now_s == NOW_S else ""
+    moment.observed.silent_mate = lambda now_s: "bravo" if now_s == NOW_S else ""
     assert detail_of(Event.REBOOTED, moment) == "the autopilot rebooted"
-    assert detail_of(Event.LATE, moment) == telemetry_refusal(moment.heard.vehicle, NOW_S)
+    assert detail_of(Event.LATE, moment) == telemetry_refusal(moment.observed.vehicle, NOW_S)
     assert "disarmed" in detail_of(Event.DISARMED, moment)
     assert detail_of(Event.DISARMED, context(State.LANDING)) == ""
     assert "stood still for 2.0 s" in detail_of(Event.LOOP_STOPPED, moment)
@@ -763,9 +766,9 @@ def test_a_chase_has_a_longest_time_where_one_is_configured(chased_s, over):
 
 def silent(moment, name="bravo", mates=("bravo",)):
     """Return the moment with these mates, of which one is silent."""
-    moment.heard.mates = dict.fromkeys(mates)
-    moment.heard.view = lambda _: None
-    moment.heard.silent_mate = lambda now_s: name if now_s == NOW_S else ""
+    moment.observed.mates = dict.fromkeys(mates)
+    moment.observed.view = lambda _: None
+    moment.observed.silent_mate = lambda now_s: name if now_s == NOW_S else ""
     return moment
 
 
@@ -804,7 +807,7 @@ def test_rivals_end_a_game_where_that_is_configured():
 def test_what_bars_an_engagement_bars_a_pilots_too(changes, too_high, invited):
     given = {"settings": INVITING, "vehicle": GUIDED, "other_mode_seen": True}
     moment = context(State.STANDING_BY, **(given | changes))
-    moment.heard.tracking.too_high = too_high
+    moment.observed.tracking.too_high = too_high
     assert (Event.INVITED in set(events(moment))) is invited
 
 

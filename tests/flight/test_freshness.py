@@ -144,8 +144,8 @@ def test_arming_is_not_asked_for_again_once_sys_status_is_old():
     flight = Silenced()
     flight.cycles(0.1)
     flight.cycle(Event.START)
-    heard = flight.cycles(1.5)
-    assert ARM in commands(heard)
+    observed = flight.cycles(1.5)
+    assert ARM in commands(observed)
     flight.without = (SystemStatus,)
     flight.cycles(STATUS_LIMIT_S + 0.2)
     assert flight.state is State.ARMING
@@ -190,11 +190,11 @@ def test_an_engagement_needs_what_it_reads_although_the_vehicle_was_ready_at_its
 def test_an_error_of_the_height_that_is_no_longer_told_counts_as_the_largest_allowed_for():
     settings = settings_of(cycle=replace(CYCLE, envelope=replace(ENVELOPE, floor_margin_m=1.0)))
     flight = Silenced(settings).engaged()
-    margin_m = flight.flight.heard.cycle.envelope.floor_margin_m
+    margin_m = flight.flight.observed.cycle.envelope.floor_margin_m
     assert margin_m > 0.5
 
     def counted_m():
-        return flight.flight.heard.view(flight.now_s).situation.height_sd_m
+        return flight.flight.observed.view(flight.now_s).situation.height_sd_m
 
     assert counted_m() == 0.0
     flight.cycle(more=[EstimatorStatus(flight.now_s, 0.2)])
@@ -206,11 +206,11 @@ def test_an_error_of_the_height_that_is_no_longer_told_counts_as_the_largest_all
 def test_on_the_ground_is_believed_for_two_seconds():
     flight = Flown()
     flight.cycle()
-    assert flight.flight.heard.on_ground
+    assert flight.flight.observed.on_ground
     flight.cycles(1.9, silent=True)
-    assert flight.flight.heard.on_ground
+    assert flight.flight.observed.on_ground
     flight.cycles(0.2, silent=True)
-    assert not flight.flight.heard.on_ground
+    assert not flight.flight.observed.on_ground
 
 
 def test_preflight_judges_by_nothing_that_is_old():

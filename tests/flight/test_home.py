@@ -9,7 +9,7 @@ from guidance.autopilots import PX4, Mode
 from guidance.autopilots.description import HOME_POSITION
 from guidance.control.polygon import Polygon
 from guidance.flight import Event, State
-from guidance.flight.tracking import HOME_TOLD_M
+from guidance.flight.tracking import HOME_NOTE_M
 from guidance.frames import Amsl, Ned
 from guidance.messages import Command, Home, Origin
 from guidance.session.orders.answers import refusal
@@ -47,16 +47,18 @@ def test_a_home_that_is_set_in_flight_moves_no_fence_and_is_told(sorties, autopi
     sortie.run(4.0)
     assert sortie.flight.tracking.home_ned_m[0] == pytest.approx(beside_m, abs=0.3)
     sortie.standing_by()
-    placed_ned_m = sortie.flight.heard.cycle.envelope.home_ned_m
+    placed_ned_m = sortie.flight.observed.cycle.envelope.home_ned_m
     assert placed_ned_m[0] == pytest.approx(beside_m, abs=0.3)
     set_home(sortie, 0.0, 35.0)
     sortie.run(8.0)
     assert sortie.mock.autopilot.state.home_m[1] == pytest.approx(35.0, abs=0.5)
-    assert sortie.flight.heard.cycle.envelope.home_ned_m == placed_ned_m
+    assert sortie.flight.observed.cycle.envelope.home_ned_m == placed_ned_m
     assert sortie.flight.tracking.home_ned_m == placed_ned_m
-    told = [happening for happening in sortie.happenings if happening.event is Event.HOME_MOVED]
+    told = [transition for transition in sortie.transitions if transition.event is Event.HOME_MOVED]
     away_m = math.hypot(beside_m, 35.0)
-    assert [f"{away_m:.0f}" in happening.detail.split(" m away")[0] for happening in told] == [True]
+    assert [f"{away_m:.0f}" in transition.detail.split(" m away")[0] for transition in told] == [
+        True
+    ]
 
 
 def home_at(flight, place_m):
@@ -80,13 +82,13 @@ def test_the_home_at_the_start_order_stays_whatever_is_reported_while_the_vehicl
 
 def test_a_home_that_is_reported_elsewhere_is_told_once_for_each_place():
     flight = Flown().standing_by()
-    near = (0.9 * HOME_TOLD_M, 0.0, HOME_DOWN_M)
+    near = (0.9 * HOME_NOTE_M, 0.0, HOME_DOWN_M)
     far = (35.0, 0.0, HOME_DOWN_M)
     back = (0.0, 0.0, HOME_DOWN_M)
     told = []
     for place_m in (near, near, far, far, back, far):
         outputs = flight.cycle(more=[home_at(flight, place_m)])
-        told.append([one.event for one in outputs.happenings] == [Event.HOME_MOVED])
+        told.append([one.event for one in outputs.transitions] == [Event.HOME_MOVED])
     assert told == [False, False, True, False, True, True]
     assert flight.flight.tracking.home_ned_m == (0.0, 0.0, HOME_DOWN_M)
     assert flight.state is State.STANDING_BY

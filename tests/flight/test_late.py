@@ -7,13 +7,13 @@ import pytest
 from guidance.autopilots import Mode
 from guidance.boot_clock import UNKNOWN_S
 from guidance.flight import EngageOn, Event, State
-from guidance.flight.heard import ORDINARY_AGE_S
+from guidance.flight.observed import ORDINARY_AGE_S
 from guidance.messages import LocalPosition
 from guidance.session.orders.answers import failed_checks, refusal
 from tests.flight.flown import CYCLE_S, Flown
 from tests.flight.scenes import settings_of
 
-REACTION_S = Flown().flight.heard.cycle.envelope.reaction_s
+REACTION_S = Flown().flight.observed.cycle.envelope.reaction_s
 
 
 class Late(Flown):
@@ -119,7 +119,7 @@ def test_the_vehicle_brakes_before_walls_by_its_delay_too(late_s):
     late = Late().engaged()
     grown(late, late_s, 0.5)
     late.cycles(0.5)
-    more_s = late.flight.heard.cycle.envelope.reaction_s - REACTION_S
+    more_s = late.flight.observed.cycle.envelope.reaction_s - REACTION_S
     beyond_s = max(0.0, late_s - ORDINARY_AGE_S)
     assert beyond_s - 1e-6 <= more_s <= beyond_s + 0.0501
 
@@ -133,8 +133,8 @@ def test_the_vehicle_brakes_by_the_silence_since_the_last_position_too(late_s):
     while silent_s < 0.4:
         silent_s += CYCLE_S
         late.cycle(silent=True)
-        more_s = late.flight.heard.cycle.envelope.reaction_s - REACTION_S
+        more_s = late.flight.observed.cycle.envelope.reaction_s - REACTION_S
         beyond_s = max(0.0, late_s + silent_s - ORDINARY_AGE_S)
         assert beyond_s - 1e-6 <= more_s <= beyond_s + 0.0501
     late.cycle()
-    assert late.flight.heard.cycle.envelope.reaction_s - REACTION_S <= late_s
+    assert late.flight.observed.cycle.envelope.reaction_s - REACTION_S <= late_s

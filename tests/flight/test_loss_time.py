@@ -51,7 +51,7 @@ def test_after_its_wait_guidance_has_yielded_and_never_streams_again(
     sorties, autopilot, wait_s, stop_s, in_one_step
 ):
     sortie = stopped(sorties, autopilot, wait_s, stop_s, in_one_step=in_one_step)
-    heard = len(sortie.sent)
+    observed = len(sortie.sent)
     streamed = len(sortie.setpoints)
     modes = []
     for _ in range(5):
@@ -70,7 +70,7 @@ def test_after_its_wait_guidance_has_yielded_and_never_streams_again(
     assert modes[-1] not in {"OFFBOARD", "GUIDED"}
     if autopilot == "px4":
         assert modes[0] != "OFFBOARD"
-        assert {sent.name for sent in sortie.sent[heard:]} <= {"HEARTBEAT", "TIMESYNC"}
+        assert {sent.name for sent in sortie.sent[observed:]} <= {"HEARTBEAT", "TIMESYNC"}
 
 
 @pytest.mark.flight
@@ -89,10 +89,10 @@ def test_before_it_the_game_pauses_and_goes_on(sorties, autopilot, wait_s, stop_
 def test_the_wait_is_the_parameters_as_it_was_heard_last(autopilot):
     name = PARAMETERS[autopilot.name]
     flight = Flown(settings_of(autopilot)).engaged()
-    heard = flight.flight.heard
-    assert heard.setpoint_timeout_s == DEFAULTS[autopilot.name]
+    observed = flight.flight.observed
+    assert observed.setpoint_timeout_s == DEFAULTS[autopilot.name]
     flight.cycle(more=[Parameter(flight.now_s, name, 0.7), Parameter(flight.now_s, "OTHER", 9.0)])
-    assert heard.setpoint_timeout_s == 0.7
+    assert observed.setpoint_timeout_s == 0.7
     flight.cycle(dt_s=0.69 - LOSS_SPARE_S)
     assert flight.state is State.PAUSED
     flight.cycle(dt_s=0.71 - LOSS_SPARE_S)

@@ -7,7 +7,7 @@ import pytest
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.flight import ORDERS, EngageOn, Event, State
-from guidance.flight.heard import AGREEING_S
+from guidance.flight.observed import AGREEING_S
 from guidance.flight.sending import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
 from guidance.flight.table import ASKED_MODES
 from guidance.messages import ParameterRequest
@@ -44,7 +44,7 @@ def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin()
     assert (vehicle.flight.mode_name, vehicle.flight.mode_title) == ("unknown", "unknown")
     assert vehicle.cycle(silent=True).state is State.CONNECTING
     first = vehicle.cycle()
-    assert (first.state, first.happenings[0].event) == (State.CHECKING, Event.HEARD)
+    assert (first.state, first.transitions[0].event) == (State.CHECKING, Event.HEARD)
     assert (vehicle.flight.mode_name, vehicle.flight.mode_title) == ("hold", "HOLD")
     *asked, loss_time = first.requests
     assert [request.command for request in asked] == [INTERVAL] * 8 + [MESSAGE] * 2
@@ -112,13 +112,13 @@ def test_from_the_ground_the_autopilot_takes_off_and_holds_while_standing_by(aut
 def test_a_hovering_vehicle_is_taken_over_and_one_on_the_ground_is_armed():
     up = Flown()
     up.standing_by()
-    assert [h.event for h in up.outputs.happenings] == [Event.ALOFT]
+    assert [h.event for h in up.outputs.transitions] == [Event.ALOFT]
     for landed in (1, 2):
         down = Flown()
         down.cycles(0.1)
         down.landed = landed
         down.cycle(beat=True)
-        ordered = down.cycle(Event.START).happenings[0]
+        ordered = down.cycle(Event.START).transitions[0]
         assert (ordered.event, ordered.after) == (Event.START, State.ARMING)
 
 
@@ -340,8 +340,8 @@ def test_of_a_vehicle_that_is_not_armed_there_is_nothing_to_end(order, state):
     for before in (State.CONNECTING, State.READY):
         if before is State.READY:
             down.cycles(0.1)
-        (happening,) = down.cycle(order, silent=before is State.CONNECTING).happenings
-        assert (happening.event, happening.after) == (order, before)
+        (transition,) = down.cycle(order, silent=before is State.CONNECTING).transitions
+        assert (transition.event, transition.after) == (order, before)
         assert down.state is not state
 
 
@@ -389,15 +389,15 @@ def test_only_orders_may_be_ordered():
             vehicle.cycle(event)
 
 
-def test_orders_are_followed_one_after_the_other_and_have_one_happening_each():
+def test_orders_are_followed_one_after_the_other_and_have_one_transition_each():
     vehicle = Flown().standing_by()
     outputs = vehicle.cycle(Event.ENGAGE, Event.START, Event.HOLD)
-    assert [(h.event, h.before, h.after) for h in outputs.happenings] == [
+    assert [(h.event, h.before, h.after) for h in outputs.transitions] == [
         (Event.ENGAGE, State.STANDING_BY, State.ENTERING),
         (Event.ALOFT, State.ENTERING, State.ENTERING),
         (Event.HOLD, State.ENTERING, State.HOLDING),
     ]
-    assert {h.now_s for h in outputs.happenings} == {vehicle.now_s}
+    assert {h.now_s for h in outputs.transitions} == {vehicle.now_s}
 
 
 def test_the_guided_mode_is_requested_after_a_setpoint_and_a_requested_heartbeat():
@@ -525,9 +525,9 @@ def test_what_an_order_will_do_is_foreseen_and_asking_changes_nothing(brought, r
         before = vehicle.state
         foreseen = vehicle.flight.follows(order, vehicle.now_s, refusals)
         assert vehicle.state is before
-        happening = vehicle.cycle(order, refusals=refusals).happenings[0]
-        assert (happening.event in {order, Event.ALOFT}, happening.before) == (True, before)
-        assert foreseen is (happening.after is not before)
+        transition = vehicle.cycle(order, refusals=refusals).transitions[0]
+        assert (transition.event in {order, Event.ALOFT}, transition.before) == (True, before)
+        assert foreseen is (transition.after is not before)
 
 
 @pytest.mark.parametrize(
@@ -542,9 +542,9 @@ def test_a_piloted_vehicle_is_taken_over_only_if_the_pilot_engages(engage_on, ta
     vehicle.position[2] = HOME_DOWN_M - 10.0
     vehicle.cycle(beat=True)
     assert vehicle.flight.follows(Event.START, vehicle.now_s) is taken
-    (happening,) = vehicle.cycle(Event.START).happenings
+    (transition,) = vehicle.cycle(Event.START).transitions
     expected = (Event.ALOFT, State.STANDING_BY) if taken else (Event.START, State.READY)
-    assert (happening.event, happening.after) == expected
+    assert (transition.event, transition.after) == expected
 
 
 def test_an_evader_may_be_set_down_elsewhere_before_the_flight_and_not_in_it():
@@ -584,8 +584,8 @@ def test_two_evader_sources_end_in_hold_or_are_reported_each_time(monkeypatch):
         events = []
         for rival in ("", "place", "place", "clock", "", "place"):
             monkeypatch.setattr(vehicle.flight.tracking, "rival", lambda _now_s, rival=rival: rival)
-            happenings = vehicle.cycle().happenings
-            events.append([(happening.event, happening.after) for happening in happenings])
+            transitions = vehicle.cycle().transitions
+            events.append([(transition.event, transition.after) for transition in transitions])
         if hold:
             assert events == [[], [(Event.RIVAL, State.HOLDING)], [], [], [], []]
         else:

@@ -87,14 +87,14 @@ def test_what_cannot_be_meant_is_told_from_what_is_only_not_known():
 def test_nonsense_leaves_what_was_known_as_it_was(number):
     """Once: several positions that contradict the vehicle's are a second sender, and end the game."""
     flown = Flown().engaged()
-    before = flown.flight.heard.cycle.envelope, flown.flight.tracking.local_frame
+    before = flown.flight.observed.cycle.envelope, flown.flight.tracking.local_frame
     flown.cycle(more=[Home(flown.now_s, 47.0, 8.0, 488.0, Ned((number, 0.0, 0.0)))])
     boot_s = flown.now_s + 0.001
     flown.cycle(
         more=[LocalPosition(flown.now_s, boot_s, Ned((0.0, number, 0.0)), Ned((0.0, 0.0, 0.0)))]
     )
     flown.cycle()
-    assert (flown.flight.heard.cycle.envelope, flown.flight.tracking.local_frame) == before
+    assert (flown.flight.observed.cycle.envelope, flown.flight.tracking.local_frame) == before
     assert flown.state is State.ENGAGED
 
 
@@ -114,7 +114,7 @@ def test_an_error_of_our_own_ends_in_the_autopilots_hold_says_why_and_yields(
     failed = flown.cycle()
     assert (failed.state, failed.setpoint) == (State.YIELDED, None)
     assert failed.requests == (autopilot.set_mode(Mode.HOLD),)
-    assert [(h.event, h.before, h.after) for h in failed.happenings] == [
+    assert [(h.event, h.before, h.after) for h in failed.transitions] == [
         (Event.FAULT, State.ENGAGED, State.YIELDED)
     ]
     assert failed.fault.startswith("ZeroDivisionError: the speed is nil (broken, line ")
@@ -129,7 +129,7 @@ def test_an_error_of_our_own_ends_in_the_autopilots_hold_says_why_and_yields(
     assert {output.setpoint for output in outputs} == {None}
     assert commands(outputs) == [SET_MODE]
     ordered = flown.cycle(Event.ENGAGE, Event.HOLD)
-    assert [(h.event, h.after) for h in ordered.happenings] == [
+    assert [(h.event, h.after) for h in ordered.transitions] == [
         (Event.ENGAGE, State.YIELDED),
         (Event.HOLD, State.YIELDED),
     ]
@@ -169,10 +169,10 @@ def test_after_an_error_modes_are_still_shown_and_a_second_error_is_no_second_fa
     flown.mode = Mode.RETURN
     flown.cycle(beat=True)
     assert flown.flight.mode_name == "return"
-    monkeypatch.setattr(flown.flight.heard, "vehicle_says", lambda _messages: 1 / 0)
+    monkeypatch.setattr(flown.flight.observed, "vehicle_says", lambda _messages: 1 / 0)
     again = flown.cycle(Event.HOLD)
     assert (again.state, again.setpoint, again.fault) == (State.YIELDED, None, None)
-    assert [happening.event for happening in again.happenings] == [Event.HOLD]
+    assert [transition.event for transition in again.transitions] == [Event.HOLD]
     assert flown.flight.fault.startswith("ZeroDivisionError: the speed is nil")
 
 

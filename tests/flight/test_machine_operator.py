@@ -32,7 +32,7 @@ class Held:
         ]
         outputs = self.flight.step(now_s, Inputs([*messages, *well], (), orders, (), alive))
         self.now_s += CYCLE_S
-        return [happening.event for happening in outputs.happenings]
+        return [transition.event for transition in outputs.transitions]
 
     def wait(self, seconds, **given):
         return [event for _ in range(round(seconds / CYCLE_S)) for event in self.step(**given)]

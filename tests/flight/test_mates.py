@@ -7,7 +7,7 @@ import pytest
 from guidance.autopilots import PX4
 from guidance.control import Limiter
 from guidance.flight.freshness import FORGOTTEN_S, HOLD_S
-from guidance.flight.heard import MOST_AIRCRAFT, Heard
+from guidance.flight.observed import MOST_AIRCRAFT, Observed
 from guidance.flight.settings import Inputs, TeamSection
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import Aircraft, EvaderReport, MateState, Origin, Role
@@ -32,8 +32,8 @@ def mate(north_m, *, at_s=AT_S, velocity=(0.0, 0.0, 0.0), airborne=True, doubt_m
     )
 
 
-def heard(*mates, now_s=AT_S, role=None, reports=()):
-    one = Heard(TEAM)
+def observed(*mates, now_s=AT_S, role=None, reports=()):
+    one = Observed(TEAM)
     messages = [home(AT_S), Origin(AT_S, *HERE, 488.0), local(AT_S, (0.0, 0.0, UP_M))]
     one.take_in(AT_S, Inputs(messages, reports, mates=mates, role=role), in_flight=True)
     if now_s != AT_S:
@@ -47,9 +47,9 @@ def gap_m(one, now_s=AT_S):
 
 
 def test_a_mate_is_a_wall_at_the_separation():
-    assert gap_m(heard(mate(30.0))) == pytest.approx(22.0, abs=0.01)
-    assert gap_m(heard(mate(30.0, doubt_m=5.0))) == pytest.approx(17.0, abs=0.01)
-    assert gap_m(heard(mate(30.0, airborne=False))) == math.inf
+    assert gap_m(observed(mate(30.0))) == pytest.approx(22.0, abs=0.01)
+    assert gap_m(observed(mate(30.0, doubt_m=5.0))) == pytest.approx(17.0, abs=0.01)
+    assert gap_m(observed(mate(30.0, airborne=False))) == math.inf
 
 
 def aircraft(north_m, *, name="ICAO 3C6444", velocity=(0.0, 0.0, 0.0), error_m=0.0, **changes):
@@ -59,7 +59,7 @@ def aircraft(north_m, *, name="ICAO 3C6444", velocity=(0.0, 0.0, 0.0), error_m=0
 
 
 def flown_beside(*others, mates=(), now_s=AT_S, reports=(), settings=TEAM):
-    one = Heard(settings)
+    one = Observed(settings)
     messages = [home(AT_S), Origin(AT_S, *HERE, 488.0), local(AT_S, (0.0, 0.0, UP_M)), *others]
     one.take_in(AT_S, Inputs(messages, reports, mates=mates, role=Role("red")), in_flight=True)
     if now_s != AT_S:
@@ -110,17 +110,17 @@ def test_an_aircraft_where_a_mate_or_an_evader_is_is_that_one():
 def test_a_silent_mate_becomes_a_disc_that_grows_with_its_top_speed():
     young = AT_S + 0.5
     old = AT_S + 1.5
-    grown_m = gap_m(heard(mate(60.0), now_s=young), young) - gap_m(
-        heard(mate(60.0), now_s=old), old
+    grown_m = gap_m(observed(mate(60.0), now_s=young), young) - gap_m(
+        observed(mate(60.0), now_s=old), old
     )
     assert grown_m == pytest.approx(6.0, abs=0.01)
     late = AT_S + FORGOTTEN_S + 0.1
-    assert gap_m(heard(mate(60.0), now_s=late), late) == math.inf
+    assert gap_m(observed(mate(60.0), now_s=late), late) == math.inf
 
 
 @pytest.mark.parametrize(("north_m", "near"), [(15.0, True), (400.0, False)])
 def test_a_mate_nearby_that_is_silent_for_two_seconds_is_named(north_m, near):
-    one = heard(mate(north_m))
+    one = observed(mate(north_m))
     assert one.silent_mate(AT_S + HOLD_S - 0.1) == ""
     assert one.silent_mate(AT_S + HOLD_S + 0.1) == ("bravo" if near else "")
 
@@ -142,7 +142,7 @@ def test_a_role_chooses_the_evader_its_speed_and_the_height():
         for name, north in (("red", 1e-4), ("blue", -1e-4))
     ]
     for name, sign, speed_m_s in (("red", 1.0, 2.0), ("blue", -1.0, 3.0)):
-        one = heard(role=Role(name, 4.0), reports=reports)
+        one = observed(role=Role(name, 4.0), reports=reports)
         assert one.switched
         assert math.copysign(1.0, one.view(AT_S).evader.position_ned_m[0]) == sign
         assert one.cycle.game.evader_speed_m_s == speed_m_s
@@ -153,7 +153,7 @@ def test_a_role_chooses_the_evader_its_speed_and_the_height():
 
 def test_of_a_crowd_of_phantoms_only_the_nearest_count_and_each_is_told_once():
     one = flown_beside(aircraft(40.0, name="near"))
-    assert [words.split(",")[0] for _, words in one.told] == ["near"]
+    assert [words.split(",")[0] for _, words in one.notes] == ["near"]
     for number in range(500):
         one.take_in(
             AT_S,
@@ -161,10 +161,10 @@ def test_of_a_crowd_of_phantoms_only_the_nearest_count_and_each_is_told_once():
             in_flight=True,
         )
         assert len(one.aircraft) <= MOST_AIRCRAFT
-        assert one.told == []  # one note a second
+        assert one.notes == []  # one note a second
     assert one.aircraft.keys() == {"near", *(f"system {number}" for number in range(7))}
     one.take_in(AT_S, Inputs(messages=[aircraft(100.0, name="system 0")]), in_flight=True)
-    assert one.told == []
+    assert one.notes == []
 
 
 def test_what_leaps_as_no_aircraft_can_is_none():

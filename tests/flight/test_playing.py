@@ -9,8 +9,8 @@ from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.cycle import Violation
 from guidance.flight import FINAL, EngageOn, Event, FlightSettings, State
-from guidance.flight.heard import Heard
 from guidance.flight.machine import INVITE_AFTER_S
+from guidance.flight.observed import Observed
 from guidance.flight.sending import requests_in
 from guidance.flight.settings import AfterCapture
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
@@ -37,7 +37,7 @@ def test_the_game_is_played_on_an_evader_and_hovered_through_without_one():
     assert playing.setpoint.velocity_ned_m_s[0] > 1.0
     vehicle.evader = None
     outputs = vehicle.cycles(1.6)
-    (lost,) = [h for output in outputs for h in output.happenings]
+    (lost,) = [h for output in outputs for h in output.transitions]
     assert (lost.event, lost.after) == (Event.EVADER_LOST, State.PAUSED)
     assert outputs[-1].certificate is None
     assert vehicle.cycles(2.0)[-1].setpoint.velocity_ned_m_s == pytest.approx(
@@ -45,7 +45,7 @@ def test_the_game_is_played_on_an_evader_and_hovered_through_without_one():
     )
     vehicle.evader = (60.0, 0.0)
     back = vehicle.cycles(1.5)
-    assert [h.after for output in back for h in output.happenings] == [State.ENGAGED]
+    assert [h.after for output in back for h in output.transitions] == [State.ENGAGED]
 
 
 def test_a_pause_counts_what_was_well_from_the_moment_that_it_began():
@@ -92,7 +92,7 @@ def test_after_the_capture_it_returns_where_that_is_configured():
     vehicle = Flown(settings_of(after_capture=AfterCapture.RETURN)).engaged(
         evader=(3.2, 0.0), height_m=5.0
     )
-    events = [h.event for output in vehicle.cycles(1.0) for h in output.happenings]
+    events = [h.event for output in vehicle.cycles(1.0) for h in output.transitions]
     assert events == [Event.CAPTURED, Event.DONE]
     assert vehicle.state is State.RETURNING
 
@@ -100,7 +100,7 @@ def test_after_the_capture_it_returns_where_that_is_configured():
 def test_a_certificate_is_of_the_state_that_it_was_made_in():
     vehicle = Flown().engaged(evader=(3.2, 0.0), height_m=5.0)
     outputs = vehicle.cycles(1.0)
-    entered = next(output for output in outputs if output.happenings)
+    entered = next(output for output in outputs if output.transitions)
     assert entered.state is State.ON_STATION
     assert entered.certificate is None
 
@@ -239,7 +239,7 @@ def test_a_pilot_who_flies_while_waited_for_keeps_the_vehicle_against_any_order(
 
 def test_heights_count_from_where_home_is_now():
     vehicle = Flown().engaged()
-    assert vehicle.flight.heard.cycle.envelope == replace(
+    assert vehicle.flight.observed.cycle.envelope == replace(
         ENVELOPE, home_ned_m=Ned((0.0, 0.0, HOME_DOWN_M))
     )
 
@@ -268,11 +268,11 @@ def test_of_all_that_happens_in_one_cycle_the_most_severe_alone_has_an_effect():
     outputs = vehicle.cycle(
         beat=True, dt_s=0.3, more=[Odometry(vehicle.now_s, 1), Odometry(vehicle.now_s, 2)]
     )
-    assert [h.event for h in outputs.happenings] == [Event.PILOT]
+    assert [h.event for h in outputs.transitions] == [Event.PILOT]
     late = Flown().engaged()
     late.cycles(0.5)
     outputs = late.cycle(dt_s=0.3, more=[Odometry(late.now_s, 1), Odometry(late.now_s, 2)])
-    assert [h.event for h in outputs.happenings] == [Event.ESTIMATOR_RESET]
+    assert [h.event for h in outputs.transitions] == [Event.ESTIMATOR_RESET]
 
 
 def test_after_a_reboot_or_a_lost_vehicle_nothing_is_said_any_more():
@@ -297,11 +297,11 @@ def test_every_final_state_is_silent_and_asks_nothing():
 
 
 def heard_of(settings, vehicle, mode=None):
-    heard = Heard(settings)
-    heard.vehicle = vehicle
-    heard.mode = mode
-    heard.on_ground = vehicle.on_ground
-    return heard
+    observed = Observed(settings)
+    observed.vehicle = vehicle
+    observed.mode = mode
+    observed.on_ground = vehicle.on_ground
+    return observed
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
@@ -433,7 +433,7 @@ def test_a_chase_has_a_longest_time_its_pauses_included_and_a_new_one_begins_ane
     vehicle.cycles(2.8)
     assert vehicle.state is State.ENGAGED
     outputs = vehicle.cycles(0.4)
-    assert [h.event for output in outputs for h in output.happenings] == [Event.CHASE_TIMED_OUT]
+    assert [h.event for output in outputs for h in output.transitions] == [Event.CHASE_TIMED_OUT]
     assert vehicle.state is State.HOLDING
     vehicle.mode = Mode.HOLD
     vehicle.cycle(beat=True)

@@ -66,11 +66,11 @@ def test_a_change_of_state_keeps_what_goes_on(before, after, remembers, watches_
 def test_nothing_was_promised_about_a_pause():
     playing = Playing(SETTINGS)
     playing.monitor = PROMISED._replace(
-        best=20.0, since_s=3.0, oldest_s=0.2, reachable_m_s=8.0, told_slow=True
+        best=20.0, since_s=3.0, oldest_s=0.2, reachable_m_s=8.0, reported_slow=True
     )
     playing.change(State.ENGAGED, State.PAUSED)
     assert playing.monitor == PROMISED.restarted()._replace(
-        oldest_s=0.2, reachable_m_s=8.0, told_slow=True
+        oldest_s=0.2, reachable_m_s=8.0, reported_slow=True
     )
 
 

@@ -80,7 +80,7 @@ def held(away_m, battery, **changes):
 
 @pytest.mark.parametrize("away_m", [50.0, 200.0])
 def test_it_returns_from_where_what_is_left_just_brings_it_home(away_m):
-    needed = held(away_m, 0.99).heard.battery_needed
+    needed = held(away_m, 0.99).observed.battery_needed
     assert needed > 0.1 + away_m / 3.0 / 600.0
     assert held(away_m, needed + 0.01).state is State.STANDING_BY
     assert held(away_m, needed - 0.01).state is State.RETURNING
@@ -90,7 +90,7 @@ def test_without_a_reserve_the_fixed_share_holds_wherever_it_is():
     flight = held(50.0, 0.26)
     assert flight.state is State.STANDING_BY
     fixed = Flight(settings_of())
-    assert fixed.heard.battery_needed == 0.25
+    assert fixed.observed.battery_needed == 0.25
 
 
 def test_it_starts_only_with_enough_to_come_back_from_the_edge_of_its_fence():
@@ -109,7 +109,7 @@ def test_it_starts_only_with_enough_to_come_back_from_the_edge_of_its_fence():
 def test_without_a_position_the_way_home_is_from_the_edge_of_the_fence():
     flown = Flown(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
     flown.cycles(0.1)
-    assert flown.flight.heard.battery_needed == RESERVE.needed(300.0, 10.0)
+    assert flown.flight.observed.battery_needed == RESERVE.needed(300.0, 10.0)
     lost = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
     lost.stage.state = State.STANDING_BY
-    assert lost.heard.battery_needed == RESERVE.needed(300.0, 10.0)
+    assert lost.observed.battery_needed == RESERVE.needed(300.0, 10.0)

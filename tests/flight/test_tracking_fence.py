@@ -43,7 +43,7 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autop
     )
     origin = Origin(50.0, frame.latitude_deg, frame.longitude_deg, 488.0)
     flight.step(50.0, Inputs([heartbeat(50.0, autopilot=autopilot), origin, home, local(50.0)]))
-    envelope = flight.heard.cycle.envelope
+    envelope = flight.observed.cycle.envelope
     assert envelope.home_ned_m == home_ned_m
     assert envelope.fence_polygon.contains((49.0, 39.0))
     assert not envelope.fence_polygon.contains((51.0, 0.0))
@@ -64,7 +64,7 @@ def test_until_a_flight_is_accepted_a_new_home_shifts_heights_and_never_corners_
         flight.step(
             50.0 + n, Inputs([heartbeat(50.0 + n, armed=False), origin, home, local(50.0 + n)])
         )
-    envelope = flight.heard.cycle.envelope
+    envelope = flight.observed.cycle.envelope
     (north_m, east_m, _) = homes[1]
     assert envelope.home_ned_m == homes[1]
     first = envelope.fence_polygon.corners_ne_m[0]
@@ -79,9 +79,9 @@ def test_an_origin_that_comes_after_home_moves_the_fence_into_its_frame():
     )
     home = Home(50.0, 47.397742, 8.545594, 488.0, home_ned_m)
     flight.step(50.0, Inputs([heartbeat(50.0), home, local(50.0)]))
-    before = flight.heard.cycle.envelope.fence_polygon
+    before = flight.observed.cycle.envelope.fence_polygon
     flight.step(50.02, Inputs([Origin(50.02, 47.4, 8.55, 488.0)]))
-    after = flight.heard.cycle.envelope.fence_polygon
+    after = flight.observed.cycle.envelope.fence_polygon
     assert before != after  # reckoned from home first, which is right to millimetres only
     for polygon in (before, after):
         for corner, meant in zip(polygon.corners_ne_m, SQUARE_M, strict=True):
@@ -92,8 +92,8 @@ def test_without_corners_on_the_map_the_fence_stays_as_it_was_configured():
     flight = Flight(SETTINGS)
     home = Home(50.0, 47.397742, 8.545594, 488.0, Ned((1.0, 2.0, 3.0)))
     flight.step(50.0, Inputs([heartbeat(50.0), home, local(50.0)]))
-    assert flight.heard.cycle.envelope.fence_polygon is SETTINGS.cycle.envelope.fence_polygon
-    assert flight.heard.cycle.envelope.home_ned_m == (1.0, 2.0, 3.0)
+    assert flight.observed.cycle.envelope.fence_polygon is SETTINGS.cycle.envelope.fence_polygon
+    assert flight.observed.cycle.envelope.home_ned_m == (1.0, 2.0, 3.0)
 
 
 def test_corners_that_make_no_polygon_are_refused_before_they_are_flown():

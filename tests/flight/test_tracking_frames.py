@@ -78,13 +78,13 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
             )
             due_s += 0.1
         if flight.vehicle.armed and not armed:
-            flight.heard.fix_home()  # as an accepted start does, before the vehicle arms
+            flight.observed.fix_home()  # as an accepted start does, before the vehicle arms
         armed = flight.vehicle.armed
         flight.step(message.received_s, Inputs([message], reports))
         outcomes[outcome_of(flight)] += 1 if reports else 0
         if not flight.vehicle.armed:
             continue
-        floors.add(flight.heard.cycle.envelope.home_ned_m)
+        floors.add(flight.observed.cycle.envelope.home_ned_m)
         silences.append(flight.tracking.silence_s(message.received_s))
         places.append(
             flight.tracking.evader(message.received_s).position_ned_m[0] - 2.0 * message.received_s
@@ -186,7 +186,7 @@ def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_
     flown = engaged()
     before = [flown.outputs]
     was = relative(flown)
-    floor_m = flown.flight.heard.cycle.envelope.home_ned_m[2] - flown.position[2]
+    floor_m = flown.flight.observed.cycle.envelope.home_ned_m[2] - flown.position[2]
     if order == "told first":
         before.append(flown.cycle(more=[told(moved_zero_of(by_m), flown.now_s), global_of(flown)]))
         before += [flown.cycle(more=[global_of(flown)]) for _ in range(3)]
@@ -199,7 +199,7 @@ def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_
     before += [flown.cycle(more=[global_of(flown, zero)]) for _ in range(70)]
     assert flown.state is State.ENGAGED
     assert relative(flown) == pytest.approx(was, abs=0.06)
-    assert flown.flight.heard.cycle.envelope.home_ned_m[2] - flown.position[2] == pytest.approx(
+    assert flown.flight.observed.cycle.envelope.home_ned_m[2] - flown.position[2] == pytest.approx(
         floor_m, abs=0.01
     )
     assert steps_m_s(before) < BY_CYCLE_M_S
@@ -217,7 +217,7 @@ def moved_zero_of(by_m):
 def test_an_estimate_that_is_reset_leaves_the_evader_where_its_reports_have_it(by_m):
     flown = engaged()
     place = flown.flight.tracking.evader(flown.now_s).position_ned_m
-    envelope = flown.flight.heard.cycle.envelope
+    envelope = flown.flight.observed.cycle.envelope
     outputs = [flown.outputs]
     flown.position = [at + by for at, by in zip(flown.position, by_m, strict=True)]
     outputs.append(flown.cycle(more=[Odometry(flown.now_s, 8), global_of(flown)]))
@@ -227,20 +227,20 @@ def test_an_estimate_that_is_reset_leaves_the_evader_where_its_reports_have_it(b
     assert flown.flight.tracking.evader(flown.now_s).position_ned_m == pytest.approx(
         place, abs=1e-6
     )
-    assert flown.flight.heard.cycle.envelope == envelope
+    assert flown.flight.observed.cycle.envelope == envelope
     assert flown.outcomes["started"] == 1
 
 
 def test_a_moved_origin_is_rejected_if_the_vehicle_did_not_move_with_it():
     flown = engaged()
     was = relative(flown)
-    home_ned_m = flown.flight.heard.cycle.envelope.home_ned_m
+    home_ned_m = flown.flight.observed.cycle.envelope.home_ned_m
     wrong = moved_zero_of((50.0, -80.0, 3.0))
     flown.cycle(more=[told(wrong, flown.now_s), global_of(flown)])
     for _ in range(100):
         flown.cycle(more=[global_of(flown)])
     assert relative(flown) == pytest.approx(was, abs=1e-6)
-    assert flown.flight.heard.cycle.envelope.home_ned_m == home_ned_m
+    assert flown.flight.observed.cycle.envelope.home_ned_m == home_ned_m
     assert flown.state is State.ENGAGED
 
 
@@ -294,7 +294,7 @@ def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():
         flown.cycle(more=[Odometry(flown.now_s, 12)]),
     ]
     outputs += flown.cycles(1.5)
-    assert [h.event for output in outputs for h in output.happenings] == [
+    assert [h.event for output in outputs for h in output.transitions] == [
         Event.ESTIMATOR_RESET,
         Event.CLEAR,
     ]

@@ -362,8 +362,8 @@ def _end(outputs: Outputs) -> str:
     """Return how the game ended in this cycle; empty if it goes on."""
     names = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived"}
     left = [
-        happening
-        for happening in outputs.happenings
-        if happening.before is State.ENGAGED and happening.after is not State.ENGAGED
+        transition
+        for transition in outputs.transitions
+        if transition.before is State.ENGAGED and transition.after is not State.ENGAGED
     ]
     return names.get(left[0].event, str(left[0].event)) if left else ""

@@ -77,12 +77,12 @@ class Sortie:
         return False
 
     @property
-    def happenings(self):
-        return [happening for output in self.outputs for happening in output.happenings]
+    def transitions(self):
+        return [transition for output in self.outputs for transition in output.transitions]
 
     @property
     def events(self):
-        return [happening.event for happening in self.happenings]
+        return [transition.event for transition in self.transitions]
 
     @property
     def setpoints(self):
@@ -122,7 +122,9 @@ class Sortie:
         limit_s = limit_s or self.LIMIT_S
         self.run(limit_s, lambda: self.state in states)
         if self.state not in states:
-            pytest.fail(f"not {states} within {limit_s} s but {self.state}; {self.happenings[-5:]}")
+            pytest.fail(
+                f"not {states} within {limit_s} s but {self.state}; {self.transitions[-5:]}"
+            )
         return self
 
     def history(self):

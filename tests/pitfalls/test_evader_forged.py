@@ -73,7 +73,7 @@ class Around:
         self._mission.after(now_s, late_s)
         outputs = self._daemon.outputs
         tracking = self._daemon.flight.tracking
-        self.told += [happening.event for happening in outputs.happenings]
+        self.told += [transition.event for transition in outputs.transitions]
         if outputs.state is State.ENGAGED and self.engaged_s is None:
             self.engaged_s = now_s
         if self.engaged_s is None:

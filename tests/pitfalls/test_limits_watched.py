@@ -14,7 +14,7 @@ pytestmark = pytest.mark.flight
 def close_by(flight, limit):
     """Draw one limit of the flight: the fence at a metre about the vehicle, the heights a little beyond it."""
     north_m, east_m, down_m = flight.flight.vehicle.latest.get(LocalPosition).position_ned_m
-    envelope = flight.flight.heard.cycle.envelope
+    envelope = flight.flight.observed.cycle.envelope
     _, _, home_down_m = envelope.home_ned_m
     height_m = home_down_m - down_m
     change = {
@@ -26,8 +26,8 @@ def close_by(flight, limit):
         Event.FLOOR: {"floor_m": height_m + 0.7},
         Event.CEILING: {"ceiling_m": height_m - 0.7, "floor_m": 0.0},
     }[limit]
-    flight.flight.heard.cycle = replace(
-        flight.flight.heard.cycle, envelope=replace(envelope, **change)
+    flight.flight.observed.cycle = replace(
+        flight.flight.observed.cycle, envelope=replace(envelope, **change)
     )
 
 

@@ -72,8 +72,8 @@ def test_02_a_refusal_ends_in_the_autopilots_hold_with_a_typed_reason(sortie):
     flight.mock.inject("offboard_refused", True)
     flight.cycle(Event.ENGAGE)
     flight.until(State.HOLDING, limit_s=15.0)
-    assert flight.happenings[-1].event is Event.TIMED_OUT
-    assert flight.happenings[-1].before is State.ENTERING
+    assert flight.transitions[-1].event is Event.TIMED_OUT
+    assert flight.transitions[-1].before is State.ENTERING
     count = len(flight.setpoints)
     flight.run(3.0)
     assert len(flight.setpoints) == count

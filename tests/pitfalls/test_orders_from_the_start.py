@@ -87,7 +87,7 @@ def test_a_vehicle_that_a_pilot_arms_just_before_the_start_order_is_left_to_the_
     sortie, autopilot
 ):
     flight = sortie(autopilot).until(State.READY)
-    while not flight.pilot.flight.heard.beats:
+    while not flight.pilot.flight.observed.beats:
         flight.cycle()
     flight.mock.autopilot.state.arm()  # the next HEARTBEAT will show it
     flight.cycle(Event.START)

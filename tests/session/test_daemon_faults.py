@@ -66,7 +66,7 @@ def test_a_whole_flight_on_a_wire_that_spoils_one_number_in_thirty_messages(
     begun_s = one.now_s
     one.run(15.0)
     assert one.daemon.flight.fault is None
-    limits = one.daemon.flight.heard.cycle.envelope
+    limits = one.daemon.flight.observed.cycle.envelope
     setpoints = one.setpoints_since(begun_s)
     assert setpoints
     for setpoint in setpoints:

@@ -54,7 +54,7 @@ class Piloted(Flown):
     def _was_followed(self, order, outputs) -> bool:
         return any(
             one.event in {order, Event.ALOFT} and one.after is not one.before
-            for one in outputs.happenings
+            for one in outputs.transitions
         )
 
     @property

@@ -98,9 +98,9 @@ def test_the_papers_tad_game_ends_about_as_far_from_the_target_as_its_value(tad)
 def test_the_flight_went_through_every_phase_in_order(pe):
     result, _ = pe
     changes = [
-        happening.after
-        for happening in result.happenings
-        if happening.after is not happening.before
+        transition.after
+        for transition in result.transitions
+        if transition.after is not transition.before
     ]
     assert changes == [
         State.CHECKING,
@@ -139,7 +139,7 @@ def test_the_record_holds_every_cycle_every_frame_and_every_event(pe):
                 setpoints += "setpoint" in json.loads(message.data)
     assert counts[CYCLE.topic] == result.cycles
     # One begins the flight
-    assert counts[EVENT.topic] == 1 + len(result.happenings) + len(result.alarms)
+    assert counts[EVENT.topic] == 1 + len(result.transitions) + len(result.alarms)
     assert setpoints == result.setpoints_sent
     assert counts["pursuer/mavlink_raw/in"] >= result.setpoints_sent
     assert counts["pursuer/mavlink_raw/out"] > 100 * result.duration_s
@@ -183,7 +183,7 @@ def test_a_game_that_lasts_too_long_is_ended_by_landing():
     result = flown(NEAR.model_copy(update={"time_limit_s": 3.0}))
     assert ended(result) == "time limit reached"
     assert result.ended is State.LANDED
-    assert Event.LAND in {happening.event for happening in result.happenings}
+    assert Event.LAND in {transition.event for transition in result.transitions}
 
 
 def test_the_live_line_is_told_about_ten_times_a_second():

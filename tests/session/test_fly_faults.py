@@ -49,7 +49,7 @@ def test_a_pilots_takeover_ends_the_run_two_seconds_later_as_yielded(autopilot):
     # HEARTBEAT, which shows the mode, comes once a second.
     assert 3.0 <= outcome.game_time_s <= 4.2
     engaged_s = next(
-        happening.now_s for happening in result.happenings if happening.after == "engaged"
+        transition.now_s for transition in result.transitions if transition.after == "engaged"
     )
     assert result.samples[-1].now_s - engaged_s == pytest.approx(outcome.game_time_s + 2.0, abs=0.1)
 
@@ -85,9 +85,11 @@ def test_faults_of_the_evader_count_from_engagement_though_it_is_guided_long_bef
         ]
     )
     assert outcome.end == "captured"
-    lost = next(happening for happening in result.happenings if happening.event == "evader lost")
+    lost = next(
+        transition for transition in result.transitions if transition.event == "evader lost"
+    )
     engaged_s = next(
-        happening.now_s for happening in result.happenings if happening.after == "engaged"
+        transition.now_s for transition in result.transitions if transition.after == "engaged"
     )
     assert lost.now_s - engaged_s == pytest.approx(2.0 + 1.5, abs=0.3)
 

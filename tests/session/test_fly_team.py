@@ -73,10 +73,10 @@ def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by
     flown, _, _ = guard
     times = {
         event: [
-            happening.now_s
+            transition.now_s
             for vehicle in flown.vehicles.values()
-            for happening in vehicle.happenings
-            if happening.event is event
+            for transition in vehicle.transitions
+            if transition.event is event
         ]
         for event in (Event.FIT, Event.START, Event.AT_START, Event.ENGAGE)
     }

@@ -78,7 +78,7 @@ def test_a_ground_station_hears_a_heartbeat_a_second_each_state_once_and_the_eva
     gaps_s = [later - sooner for sooner, later in pairwise(beats_s)]
     assert gaps_s == pytest.approx([1.0] * len(gaps_s), abs=0.021)
     assert {sent.message.type for sent in station.heard("HEARTBEAT")} == {18}
-    changes = [str(change.after) for change in base.happenings if change.after != change.before]
+    changes = [str(change.after) for change in base.transitions if change.after != change.before]
     assert len(station.texts) == len(changes)
     assert station.texts[-1].startswith("guidance: engaged, ")
     assert station.texts[-1].endswith(" s to stand-off")

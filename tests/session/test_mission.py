@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from guidance.clock import VirtualClock
-from guidance.flight import Event, Happening, Outputs, State
+from guidance.flight import Event, Outputs, State, Transition
 from guidance.session.fly.mission import Mission
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR
@@ -27,18 +27,18 @@ class Directed:
             state=State.CONNECTING,
             cause=None,
             ordered_by_operator=False,
-            heard=SimpleNamespace(role=None),
+            observed=SimpleNamespace(role=None),
             tracking=SimpleNamespace(silence_s=lambda _: self.silence_s),
             settings=self.daemon.flight.settings,
         )
 
     def told(self, now_s, state):
-        happenings = ()
+        transitions = ()
         if state is not self.flight.state:
-            happenings = (Happening(now_s, Event.GUIDED, self.flight.state, state),)
+            transitions = (Transition(now_s, Event.GUIDED, self.flight.state, state),)
             self.flight.state = state
-            self.flight.cause = happenings[0]
-        self.daemon.outputs = Outputs(state, None, (), happenings, None, cause=self.flight.cause)
+            self.flight.cause = transitions[0]
+        self.daemon.outputs = Outputs(state, None, (), transitions, None, cause=self.flight.cause)
         self.vehicle.after(now_s, 0.0, None)
 
     def orders(self, now_s, *, ready=True, fresh=True):

@@ -73,7 +73,7 @@ class Operator:
 def by_operator(result):
     """Every change that a person ordered, and when; and what came next."""
     changes = [
-        happening for happening in result.happenings if happening.after is not happening.before
+        transition for transition in result.transitions if transition.after is not transition.before
     ]
     return [
         (one, changes[number + 1 : number + 2])
@@ -156,7 +156,7 @@ def test_a_game_engaged_again_after_a_hold_is_judged_by_itself():
     outcome = outcome_of_flight(result, "fast")
     assert (result.captured, outcome.end, result.ended) == (True, "captured", State.LANDED)
     assert outcome.capture_time_s < limit_s
-    engaged = [happening for happening in result.happenings if happening.after is State.ENGAGED]
+    engaged = [transition for transition in result.transitions if transition.after is State.ENGAGED]
     assert len(engaged) == 2
 
 

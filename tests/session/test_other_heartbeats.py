@@ -55,7 +55,7 @@ def test_in_flight_they_are_counted_and_the_game_goes_on(base, autopilot):
         one.overheard(heartbeat(kind))
         one.run(0.5)
     assert one.state is State.ENGAGED
-    assert one.daemon.flight.heard.other_beats == 4
+    assert one.daemon.flight.observed.other_beats == 4
 
 
 @pytest.mark.parametrize("kind", [(QUADROTOR, 3), PLANE["px4"]])

@@ -59,7 +59,7 @@ def test_a_policy_flies_and_what_has_no_answer_holds_and_replays(then, words, tm
     own.forget()  # a replay runs nobody's code
     assert result.captured is (words is None)
     if words is not None:
-        assert any(words in happening.words for happening in result.happenings)
+        assert any(words in transition.words for transition in result.transitions)
     comparison, _ = compare(tmp_path / RECORD, recorded_settings)
     assert comparison.differing == 0
     assert comparison.setpoints > 100

@@ -143,7 +143,7 @@ grounds = st.tuples(st.floats(-90.0, 90.0), st.floats(-90.0, 90.0), st.just(0.0)
     st.lists(st.sampled_from(["kill", "cut", "capture", "nothing"]), min_size=2, max_size=4),
 )
 def test_promises_are_monotone_and_vehicles_agree_whatever_happens(
-    vehicles, evaders, target, seed, happenings
+    vehicles, evaders, target, seed, transitions
 ):
     """Catches an order of losses, splits and captures after which a promise is withdrawn or two vehicles disagree."""
     places = dict(zip(TEAM, vehicles, strict=False))
@@ -156,13 +156,13 @@ def test_promises_are_monotone_and_vehicles_agree_whatever_happens(
         seed=seed,
     )
     team.run(2.5)
-    for happening in happenings:
+    for transition in transitions:
         one = team.alive[-1]
-        if happening == "kill" and len(team.alive) > 1:
+        if transition == "kill" and len(team.alive) > 1:
             one.killed = True
-        elif happening == "cut":
+        elif transition == "cut":
             team.network.cut = set() if team.network.cut else {one.name}
-        elif happening == "capture":
+        elif transition == "capture":
             one.board.close([*team.evaders][:1], team.clock.now_s())
         team.run(1.5)
     team.network.cut = set()

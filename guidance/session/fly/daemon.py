@@ -157,7 +157,9 @@ class Daemon:
         self._tell_news(now_s, outputs)
         self._desk.answer(now_s, orders, queries, outputs)
         self.survey.step(now_s, self.inputs, self._problems.values(), engaging=self._desk.reading)
-        changed = any(happening.after is not happening.before for happening in outputs.happenings)
+        changed = any(
+            transition.after is not transition.before for transition in outputs.transitions
+        )
         counters = None
         if now_s - self._shown_s >= SHOWN_EVERY_S or changed:
             self._shown_s = now_s
@@ -231,7 +233,7 @@ class Daemon:
         """Return the counters of the vehicle's link, of orders, of each evader's source and of the team."""
         vehicle_counters = {
             **self._link.counters(),
-            "other_heartbeats": self.flight.heard.other_beats,
+            "other_heartbeats": self.flight.observed.other_beats,
         }
         words = self._refused_frames.note(now_s, vehicle_counters)
         if words:  # somebody else sends in the vehicle's name

@@ -229,7 +229,8 @@ class Mission(CycleHooks):
             if evader_m is not None and (not evader.track or evader.track[-1][0] < now_s):
                 evader.track.append((now_s, evader_m))
             captures = any(
-                happening.event is Event.CAPTURED for happening in vehicle.daemon.outputs.happenings
+                transition.event is Event.CAPTURED
+                for transition in vehicle.daemon.outputs.transitions
             )
             certificate = vehicle.result.latest
             if captures and certificate is not None and evader.capture is None:
@@ -298,7 +299,7 @@ class VehicleMission:
     @property
     def evader(self) -> str:
         """The evader that it plays against now."""
-        role = self.daemon.flight.heard.role
+        role = self.daemon.flight.observed.role
         return self.pursuit.evader if role is None else role.evader
 
     def locate(self) -> None:
@@ -371,7 +372,7 @@ class VehicleMission:
         result = self.result
         if self.daemon.flight.ordered_by_operator or result.cycles == 0:
             self._limit_from_s = now_s
-        if any(map(begins_game, outputs.happenings)):
+        if any(map(begins_game, outputs.transitions)):
             # The times of the sensor and of the faults count from the first game.
             if self.engaged_s is None:
                 for source in self._heard.values():
@@ -397,7 +398,7 @@ class VehicleMission:
         if ended or given_up:
             self._leave(now_s)
         if self._mission.show is not None and (
-            outputs.happenings or now_s - self._shown_s >= SHOWN_EVERY_S
+            outputs.transitions or now_s - self._shown_s >= SHOWN_EVERY_S
         ):
             self._shown_s = now_s
             team = self.daemon.team

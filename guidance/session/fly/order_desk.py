@@ -132,11 +132,11 @@ class OrderDesk:
         queries: Sequence[Question],
         outputs: Outputs,
     ) -> None:
-        """Answer the orders, and all queries with one status. The first happenings are one for each order, in order."""
+        """Answer the orders, and all queries with one status. The first transitions are those of the orders."""
         rows = self._survey.rows
-        for question, happening in zip(orders, outputs.happenings, strict=False):
+        for question, transition in zip(orders, outputs.transitions, strict=False):
             order = Event(question.order)
-            if happening.after is not happening.before or is_done(order, happening.after):
+            if transition.after is not transition.before or is_done(order, transition.after):
                 reason = ""
             else:
                 reason = refusal(order, self._flight, now_s, rows)

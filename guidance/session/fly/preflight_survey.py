@@ -87,7 +87,7 @@ class PreflightSurvey:
             return
         self._judged_s = now_s
         flight = self._flight
-        facts = self.memory.facts(flight.vehicle, now_s, flight.heard.other_beat)
+        facts = self.memory.facts(flight.vehicle, now_s, flight.observed.other_beat)
         sources = [
             Finding("evader's source", problem, "answers", Verdict.WARN, "guidance tries again")
             for problem in source_problems

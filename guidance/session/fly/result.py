@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from guidance.cycle import Alarm, Certificate, CycleSettings
-from guidance.flight import Authority, Event, Happening, Outputs, State
+from guidance.flight import Authority, Event, Outputs, State, Transition
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Enu
 from guidance.game import Solution, solve
@@ -66,7 +66,7 @@ class FlightResult:
     duration_s: float = 0.0
     wall_s: float = 0.0
     samples: list[FlightSample] = field(default_factory=list)
-    happenings: list[Happening] = field(default_factory=list)
+    transitions: list[Transition] = field(default_factory=list)
     alarms: list[tuple[float, Alarm]] = field(default_factory=list)
     limits: list[str] = field(default_factory=list)
     record_stopped: str = ""
@@ -88,8 +88,8 @@ class FlightResult:
         self.cycles += 1
         self.setpoints_sent += outputs.setpoint is not None
         self.ended = outputs.state
-        self.happenings.extend(outputs.happenings)
-        if any(map(begins_game, outputs.happenings)):
+        self.transitions.extend(outputs.transitions)
+        if any(map(begins_game, outputs.transitions)):
             self.engaged = None
             self.captured = False
         if outputs.alarm is not None:
@@ -175,12 +175,13 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     scenario = result.scenario
     if (
         began := next(
-            (happening for happening in reversed(result.happenings) if begins_game(happening)), None
+            (transition for transition in reversed(result.transitions) if begins_game(transition)),
+            None,
         )
     ) is None:
         ends = {State.HOLDING, State.LANDING, State.RETURNING, State.YIELDED, State.FAILED}
         cause = next(
-            (happening for happening in result.happenings if happening.after in ends), None
+            (transition for transition in result.transitions if transition.after in ends), None
         )
         end = "yielded" if cause is not None and cause.event is Event.PILOT else "failed"
         reason = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
@@ -195,7 +196,7 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
             reason=f"never engaged: {reason}",
         )
     since_engagement = [
-        happening for happening in result.happenings if happening.now_s > began.now_s
+        transition for transition in result.transitions if transition.now_s > began.now_s
     ]
     end, end_s, reason = _ending(result, since_engagement)
     game = [sample for sample in result.samples if began.now_s <= sample.now_s <= end_s]
@@ -228,7 +229,7 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         reachable_speed_m_s=result.reachable_speed_m_s,
         limits=tuple(result.limits),
         alarms=len(result.alarms),
-        events=tuple(dict.fromkeys(str(happening.event) for happening in since_engagement)),
+        events=tuple(dict.fromkeys(str(transition.event) for transition in since_engagement)),
         reason=reason,
     )
 
@@ -259,18 +260,18 @@ def ending_words(outcome: Outcome) -> str:
     )
 
 
-def begins_game(happening: Happening) -> bool:
+def begins_game(transition: Transition) -> bool:
     """True if a game began; an operator may engage another one after a hold."""
-    return happening.after is State.ENGAGED and happening.before not in PLAYED
+    return transition.after is State.ENGAGED and transition.before not in PLAYED
 
 
-def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, float, str]:
+def _ending(result: FlightResult, transitions: list[Transition]) -> tuple[str, float, str]:
     """Find the event that ended the game; return `Outcome.end`, its time, and the reason of a failure."""
     last = next(
         (
-            happening
-            for happening in happenings
-            if happening.before in PLAYING and happening.after not in PLAYING
+            transition
+            for transition in transitions
+            if transition.before in PLAYING and transition.after not in PLAYING
         ),
         None,
     )
@@ -288,9 +289,9 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, flo
         return (end, last.now_s, str(last.event) if end == "yielded" else "")
     # After a pause that lasted too long, the reason is the missing input.
     paused = [
-        happening.event
-        for happening in happenings
-        if happening.after is State.PAUSED and happening.now_s < last.now_s
+        transition.event
+        for transition in transitions
+        if transition.after is State.PAUSED and transition.now_s < last.now_s
     ]
     return (
         end,
@@ -347,7 +348,9 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
 
 def _engaged_s(flight: FlightResult) -> float:
     """Return when a vehicle first engaged; infinity if it never did."""
-    times = (happening.now_s for happening in flight.happenings if happening.event is Event.GUIDED)
+    times = (
+        transition.now_s for transition in flight.transitions if transition.event is Event.GUIDED
+    )
     return next(times, math.inf)
 
 

@@ -64,7 +64,7 @@ class FlightModeOutput(Sink):
                 self._status_s = now_s
                 self._status = self._mailbox.ask(STATUS)
         self._link.tell(Readiness(now_s, checks_of(flight, now_s, self._refused)))
-        chosen = flight.heard.mode is Mode.GUIDED and flight.vehicle.armed
+        chosen = flight.observed.mode is Mode.GUIDED and flight.vehicle.armed
         is_new = chosen and not self._was_chosen
         self._was_chosen = chosen
         if not chosen or flight.state in SETPOINT_STATES:
@@ -97,7 +97,7 @@ def checks_of(flight: Flight, now_s: float, refused: Sequence[str]) -> tuple[Che
         refused: Names of preflight's rows that refuse.
     """
     state = flight.state
-    handing_over = state in HANDING_OVER and flight.heard.mode is Mode.GUIDED
+    handing_over = state in HANDING_OVER and flight.observed.mode is Mode.GUIDED
     on_ground = flight.vehicle.on_ground
     taking_off = state is State.ARMING or (state is State.CLIMBING and on_ground)
     if state in SETPOINT_STATES or handing_over or taking_off:

@@ -14,9 +14,9 @@ from guidance.flight import (
     Authority,
     Event,
     FlightSettings,
-    Happening,
     Outputs,
     State,
+    Transition,
 )
 from guidance.flight.table import HANDING_OVER
 from guidance.links.mavlink.ground_link import GroundLink, StationCommand
@@ -113,7 +113,7 @@ class GroundStationOutput(Sink):
             self._link.send_heartbeat()
         for text in texts_of(report.outputs, self._unit):
             self._keep(now_s, text)
-        if any(map(_ends_an_order, report.outputs.happenings)):
+        if any(map(_ends_an_order, report.outputs.transitions)):
             self._in_force = None
         self._answer(now_s)
         for command in self._link.receive():
@@ -218,10 +218,10 @@ class GroundStationOutput(Sink):
             self._keep(now_s, _Text(WARNING, words))
 
 
-def _ends_an_order(happening: Happening) -> bool:
+def _ends_an_order(transition: Transition) -> bool:
     """Whether a change of the state ends what was ordered before."""
-    ended = happening.event in ORDERS.values() or happening.after in HANDING_OVER | FINAL
-    return ended and happening.after is not happening.before
+    ended = transition.event in ORDERS.values() or transition.after in HANDING_OVER | FINAL
+    return ended and transition.after is not transition.before
 
 
 def evaders_of(settings: FlightSettings) -> tuple[str, ...]:
@@ -245,12 +245,12 @@ def texts_of(outputs: Outputs, unit: str) -> list[_Text]:
     texts = []
     if outputs.alarm is not None:
         texts.append(_Text(WARNING, f"guidance: alarm: {outputs.alarm.words}"))
-    for happening in outputs.happenings:
-        if happening.after is not happening.before:
-            state = _WORDS.get(happening.after, str(happening.after))
-            if happening.by is Authority.OPERATOR:
+    for transition in outputs.transitions:
+        if transition.after is not transition.before:
+            state = _WORDS.get(transition.after, str(transition.after))
+            if transition.by is Authority.OPERATOR:
                 change_words = f"{state} by operator"
-            elif happening.after is State.ENGAGED and outputs.certificate is not None:
+            elif transition.after is State.ENGAGED and outputs.certificate is not None:
                 if unit == "s":
                     promise_words = f"{outputs.certificate.time_needed_s:.0f} s to stand-off"
                 else:
@@ -258,21 +258,21 @@ def texts_of(outputs: Outputs, unit: str) -> list[_Text]:
                         f"evader {outputs.certificate.assured_distance_m:.0f} m from its target"
                     )
                 change_words = f"{state}, {promise_words}"
-            elif happening.event in SEVERE:
-                change_words = f"{state}: {happening.words}"
+            elif transition.event in SEVERE:
+                change_words = f"{state}: {transition.words}"
             else:
                 change_words = state
             words = f"guidance: {change_words}"
-            texts.append(_Text(severity_of(happening), words))
-        elif happening.event is Event.HOME_MOVED:
-            texts.append(_Text(WARNING, f"guidance: {happening.words}"))
+            texts.append(_Text(severity_of(transition), words))
+        elif transition.event is Event.HOME_MOVED:
+            texts.append(_Text(WARNING, f"guidance: {transition.words}"))
     return texts
 
 
-def severity_of(happening: Happening) -> int:
+def severity_of(transition: Transition) -> int:
     """Return the MAV_SEVERITY of a change of the state."""
-    if happening.event is Event.FAULT:
+    if transition.event is Event.FAULT:
         return CRITICAL
-    if happening.event in SEVERE:
+    if transition.event in SEVERE:
         return WARNING
-    return NOTICE if happening.after in _LOUD else INFO
+    return NOTICE if transition.after in _LOUD else INFO

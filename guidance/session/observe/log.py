@@ -121,22 +121,22 @@ def _console_line(record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
 
 
 def say_outputs(log: Sink, outputs: Outputs) -> None:
-    """Log the results of a cycle: alarm, internal error and happenings."""
+    """Log the results of a cycle: alarm, internal error and transitions."""
     alarm = outputs.alarm
     if alarm is not None:
         by = alarm.by if alarm.by else "-"
         log.say(logging.WARNING, str(alarm.violation), {"by": by})
     if outputs.fault is not None:
         log.say(logging.ERROR, "an error of guidance itself", {"error": outputs.fault})
-    for happening in outputs.happenings:
-        changes = happening.after is not happening.before
-        level = logging.WARNING if happening.event in SEVERE and changes else logging.INFO
+    for transition in outputs.transitions:
+        changes = transition.after is not transition.before
+        level = logging.WARNING if transition.event in SEVERE and changes else logging.INFO
         fields = {
-            "before": happening.before,
-            "state": happening.after,
-            "now_s": round(happening.now_s, 3),
+            "before": transition.before,
+            "state": transition.after,
+            "now_s": round(transition.now_s, 3),
         }
-        if happening.event is Event.HOME_MOVED:
+        if transition.event is Event.HOME_MOVED:
             level = logging.WARNING
-            fields["detail"] = happening.detail
-        log.say(level, str(happening.event), fields)
+            fields["detail"] = transition.detail
+        log.say(level, str(transition.event), fields)

@@ -93,8 +93,8 @@ class Metrics(Sink):
             self._cycles.inc()
             self._lateness.observe(max(0.0, late_s))
         self._setpoints.inc(outputs.setpoint is not None)
-        for happening in outputs.happenings:
-            self.happened(str(happening.event))
+        for transition in outputs.transitions:
+            self.happened(str(transition.event))
         if outputs.alarm is not None:
             self._alarms.labels(self._name, str(outputs.alarm.violation)).inc()
         if outputs.certificate is not None:

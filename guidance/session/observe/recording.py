@@ -87,12 +87,12 @@ class Recording:
             self.event(now_s, BEGUN)
         entry = cycle_entry(now_s, inputs, outputs, timing, self._vehicle)
         self._tell(lambda sink: sink.cycle(entry))
-        for happening in outputs.happenings:
-            cause = happening.detail
-            if happening.by is not Authority.FLIGHT:
-                cause = f"by {happening.by}"
-            details = (f"{happening.before} -> {happening.after}", cause)
-            self.event(happening.now_s, str(happening.event), ": ".join(filter(None, details)))
+        for transition in outputs.transitions:
+            cause = transition.detail
+            if transition.by is not Authority.FLIGHT:
+                cause = f"by {transition.by}"
+            details = (f"{transition.before} -> {transition.after}", cause)
+            self.event(transition.now_s, str(transition.event), ": ".join(filter(None, details)))
         if outputs.alarm is not None:
             self.event(now_s, str(outputs.alarm.violation), outputs.alarm.by)
         failed = None if self._record is None else self._record.failed

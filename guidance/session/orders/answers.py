@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from guidance.autopilots import Finding, Verdict
 from guidance.flight import BEFORE_FLIGHT, ORDERS, Event, Flight, Outputs, State, is_done
-from guidance.flight.heard import AGREEING_S
+from guidance.flight.observed import AGREEING_S
 from guidance.flight.table import state_words
 from guidance.game import Reason, Winner
 from guidance.log.codec import plain
@@ -66,7 +66,7 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
         return _not_begun(order, flight, missing(flight, now_s, rows))
     if order is Event.ENGAGE and state in {State.HOLDING, State.STANDING_BY}:
         doubt = flight.telemetry_refusal(now_s) or flight.evader_refusal(now_s)
-        if not flight.heard.has_flown:
+        if not flight.observed.has_flown:
             doubt = "it stands on the ground: once it is disarmed, order reset, then start"
         elif flight.leaving_modes:
             modes = " and ".join(map(flight.settings.autopilot.mode_title, flight.leaving_modes))
@@ -114,7 +114,7 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
             else "on the ground: order start first"
         )
     mode = flight.mode_title
-    if flight.vehicle.armed and flight.heard.mode in barring:
+    if flight.vehicle.armed and flight.observed.mode in barring:
         return (
             f"it flies in {mode}, which guidance does not take it from: order hold, then engage"
             if in_air
@@ -202,7 +202,7 @@ def status(
         "heartbeat_age_s": vehicle.age_s(Heartbeat, now_s),
         "position_age_s": vehicle.age_s(LocalPosition, now_s),
         "evader_silence_s": flight.tracking.silence_s(now_s),
-        "battery_needed": flight.heard.battery_needed,
+        "battery_needed": flight.observed.battery_needed,
         "operator_silence_s": flight.operator_silence_s(now_s),
         "operator_timeout_s": settings.operator_timeout_s,
         "evader_second_source": flight.tracking.rival(now_s),

@@ -167,7 +167,7 @@ class ShutdownHandover:
         if flight.state in FINAL | BEFORE_FLIGHT or now_s - self._since_s > HANDOVER_LIMIT_S:
             return True
         is_left = flight.state in HANDING_OVER and flight.mode_name == ASKED_MODES[flight.state]
-        return is_left and flight.heard.has_flown  # on the ground it is disarmed first
+        return is_left and flight.observed.has_flown  # on the ground it is disarmed first
 
 
 class Engaging:

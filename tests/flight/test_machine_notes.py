@@ -7,7 +7,7 @@ import pytest
 
 from guidance.autopilots import PX4, Mode
 from guidance.flight import Authority, Event, Flight, Inputs, State
-from guidance.flight.settings import Happening
+from guidance.flight.settings import Transition
 from tests.flight.flown import Flown
 from tests.flight.scenes import HOME_DOWN_M, NOW_S, home, settings_of
 
@@ -60,14 +60,14 @@ class Evader:
 def test_why_an_evader_is_refused(evader, far, words):
     flight = Flight(settings_of())
     flight.tracking = evader
-    flight.heard.distance_refusal = lambda now_s: far if now_s == NOW_S else None
+    flight.observed.distance_refusal = lambda now_s: far if now_s == NOW_S else None
     assert flight.evader_refusal(NOW_S) == words
 
 
 def test_a_second_source_is_no_refusal_if_the_configuration_allows_it():
     flight = Flight(settings_of(hold_on_rival=False))
     flight.tracking = Evader(rival="place")
-    flight.heard.distance_refusal = lambda _now_s: ""
+    flight.observed.distance_refusal = lambda _now_s: ""
     assert flight.evader_refusal(NOW_S) == ""
 
 
@@ -85,10 +85,10 @@ def failed():
 
 def test_an_error_is_the_cause_of_the_state_that_it_leads_to():
     flown, outputs = failed()
-    fault = Happening(
+    fault = Transition(
         flown.now_s, Event.FAULT, State.ENGAGED, State.YIELDED, detail=flown.flight.fault
     )
-    assert outputs.happenings == (fault,)
+    assert outputs.transitions == (fault,)
     assert outputs.cause == flown.flight.cause == fault
     assert outputs.fault == flown.flight.fault
 
@@ -99,14 +99,14 @@ def test_after_an_error_every_order_is_told_as_one_without_an_effect():
         NOW_S, Inputs(orders=(Event.HOLD, Event.LAND), mission=(Event.RETURN,))
     )
     still = (State.YIELDED, State.YIELDED)
-    assert later.happenings == (
-        Happening(NOW_S, Event.HOLD, *still, Authority.OPERATOR),
-        Happening(NOW_S, Event.LAND, *still, Authority.OPERATOR),
-        Happening(NOW_S, Event.RETURN, *still, Authority.MISSION),
+    assert later.transitions == (
+        Transition(NOW_S, Event.HOLD, *still, Authority.OPERATOR),
+        Transition(NOW_S, Event.LAND, *still, Authority.OPERATOR),
+        Transition(NOW_S, Event.RETURN, *still, Authority.MISSION),
     )
     assert later.cause == outputs.cause
     again = flown.flight.give_up(NOW_S + 1.0, Inputs(orders=(Event.HOLD,)), ValueError("again"))
-    assert again.happenings == (Happening(NOW_S + 1.0, Event.HOLD, *still, Authority.OPERATOR),)
+    assert again.transitions == (Transition(NOW_S + 1.0, Event.HOLD, *still, Authority.OPERATOR),)
 
 
 def test_an_error_without_a_traceback_is_named_without_a_place():
@@ -137,19 +137,19 @@ def test_a_start_takes_a_vehicle_in_the_mode_that_guidance_itself_registered(mod
 def test_a_refused_order_is_told_with_its_time_and_the_state():
     flown = Flown()
     flown.cycles(0.1)
-    refused = flown.cycle(Event.ENGAGE).happenings
+    refused = flown.cycle(Event.ENGAGE).transitions
     assert refused == (
-        Happening(flown.now_s, Event.ENGAGE, State.READY, State.READY, Authority.OPERATOR),
+        Transition(flown.now_s, Event.ENGAGE, State.READY, State.READY, Authority.OPERATOR),
     )
 
 
 def test_a_home_that_is_not_used_is_told_with_its_time_and_the_state():
     flown = Flown().standing_by()
     moved = home(flown.now_s)._replace(latitude_deg=47.398)
-    told = flown.cycle(more=[moved]).happenings
-    ((event, words),) = flown.flight.heard.told
+    notes = flown.cycle(more=[moved]).transitions
+    ((event, words),) = flown.flight.observed.notes
     still = (State.STANDING_BY, State.STANDING_BY)
-    assert told == (Happening(flown.now_s, event, *still, detail=words),)
+    assert notes == (Transition(flown.now_s, event, *still, detail=words),)
     assert event is Event.HOME_MOVED
     assert words
 
@@ -163,8 +163,8 @@ def test_a_second_source_that_is_allowed_is_told_with_its_time_and_the_state(mon
         return "place"
 
     monkeypatch.setattr(flown.flight.tracking, "rival", rival)
-    told = flown.cycle().happenings
-    assert told == (Happening(flown.now_s, Event.RIVAL, State.ENGAGED, State.ENGAGED),)
+    notes = flown.cycle().transitions
+    assert notes == (Transition(flown.now_s, Event.RIVAL, State.ENGAGED, State.ENGAGED),)
     assert set(asked_s) == {flown.now_s}
 
 

@@ -87,7 +87,7 @@ SAME_M: Final = 10.0
 MOST_AIRCRAFT: Final = 8
 """The nearest ones."""
 
-AIRCRAFT_TOLD_EVERY_S: Final = 1.0
+AIRCRAFT_NOTE_EVERY_S: Final = 1.0
 """Least time between two notes about new aircraft."""
 
 FARTHEST_AIRCRAFT_M: Final = 5000.0
@@ -97,7 +97,7 @@ _AGE_STEP_S: Final = 1.0
 """Ages in ADSB_VEHICLE are whole seconds."""
 
 
-class Heard:
+class Observed:
     """Everything received so far, as it stands in this cycle.
 
     Attributes:
@@ -124,7 +124,7 @@ class Heard:
         aircraft: In a team, the last state of other aircraft, by name.
         mode_since_s: Since when HEARTBEAT shows that mode.
         setpoint_timeout_s: How long the autopilot waits for setpoints, as its parameter was last heard.
-        told: What this cycle tells people and no state depends on, in words: aircraft that came into view, and where
+        notes: Events of this cycle that change no state, with their words: aircraft that came into view, and where
             home is reported instead of where the flight has it.
         battery_needed: Share of the charge below which it returns: on the ground for the whole fence, in flight from
             here.
@@ -164,8 +164,8 @@ class Heard:
         self.aircraft: dict[str, MateState] = {}
         self.mode_since_s = math.inf
         self.setpoint_timeout_s = settings.autopilot.setpoint_timeout_s
-        self.told: list[tuple[Event, str]] = []
-        self._aircraft_told_s = -math.inf
+        self.notes: list[tuple[Event, str]] = []
+        self._noted_s = -math.inf
         self._no_aircraft_s: dict[str, float] = {}
         self.role: Role | None = None
         self.switched = False
@@ -248,7 +248,7 @@ class Heard:
         self.has_flown = self.vehicle.armed and (self.has_flown or not self.on_ground)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         other_home = self.tracking.other_home(self.vehicle)
-        self.told = [(Event.HOME_MOVED, other_home)] if other_home else []
+        self.notes = [(Event.HOME_MOVED, other_home)] if other_home else []
         was_foreign = self.echo.foreign if self.beats else False
         echoes = [message for message in inputs.messages if isinstance(message, PositionTarget)]
         if echoes:
@@ -354,11 +354,11 @@ class Heard:
         self.aircraft[state.name] = state
         if len(self.aircraft) > MOST_AIRCRAFT:
             self.aircraft.pop(self._farthest_aircraft(here_ned_m, state.at_s, frame))
-        told_ago_s = report.received_s - self._aircraft_told_s
-        if before is None and state.name in self.aircraft and told_ago_s >= AIRCRAFT_TOLD_EVERY_S:
-            self._aircraft_told_s = report.received_s
+        since_note_s = report.received_s - self._noted_s
+        if before is None and state.name in self.aircraft and since_note_s >= AIRCRAFT_NOTE_EVERY_S:
+            self._noted_s = report.received_s
             words = f"{state.name}, {distance_m:.0f} m away, unsigned"
-            self.told.append((Event.AIRCRAFT, words))
+            self.notes.append((Event.AIRCRAFT, words))
 
     def _is_player(
         self, reported_ned_m: Ned, report: messages.Aircraft, at_s: float, frame: LocalFrame

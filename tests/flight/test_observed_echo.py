@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 
 from guidance.control import Limiter
 from guidance.flight import Inputs
-from guidance.flight.heard import (
+from guidance.flight.observed import (
     APART_S,
     REMEMBERED_S,
     STRANGE_REPORTS,
     TOLERANCE_M_S,
     WINDOW_S,
     Echo,
-    Heard,
+    Observed,
 )
 from guidance.frames import Ned
 from guidance.messages import EstimatorStatus, PositionTarget, Setpoint
@@ -230,33 +230,33 @@ def test_three_strange_reports_in_two_seconds_are_foreign_for_any_clock_rounding
 
 
 def test_a_position_that_jumps_moves_the_frame_once_and_fences_are_measured_from_it():
-    heard = Heard(SETTINGS)
+    observed = Observed(SETTINGS)
     places = [(1.0, 2.0, -14.0), (31.0, 2.0, -14.0), (31.0, 2.0, -14.0), (31.0, -18.0, -10.0)]
     moved = []
     for n, place in enumerate(places):
         said = [home(NOW_S), local(NOW_S + 0.02 * n, place)]
-        heard.take_in(NOW_S, Inputs(said), in_flight=True)
-        moved.append(heard.moved_ned_m)
-        assert heard.position_ned_m == place
+        observed.take_in(NOW_S, Inputs(said), in_flight=True)
+        moved.append(observed.moved_ned_m)
+        assert observed.position_ned_m == place
         (circle,) = [
-            wall for wall in heard.view(NOW_S).walls if wall.limiter is Limiter.FENCE_RADIUS
+            wall for wall in observed.view(NOW_S).walls if wall.limiter is Limiter.FENCE_RADIUS
         ]
         assert circle.gap_m == pytest.approx(300.0 - math.hypot(*place[:2]))
-        assert heard.messages == said
+        assert observed.messages == said
     assert moved == [(0.0, 0.0, 0.0), (30.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, -20.0, 4.0)]
 
 
 @pytest.mark.parametrize(("sd_m", "margin_m"), [(None, 0.0), (0.3, 0.3), (math.nan, 0.0)])
 def test_the_floor_is_kept_by_the_error_that_the_estimator_reports(sd_m, margin_m):
     envelope = replace(SETTINGS.cycle.envelope, floor_margin_m=0.5)
-    heard = Heard(settings_of(cycle=replace(SETTINGS.cycle, envelope=envelope)))
+    observed = Observed(settings_of(cycle=replace(SETTINGS.cycle, envelope=envelope)))
     said = [home(NOW_S), local(NOW_S)]
-    heard.take_in(
+    observed.take_in(
         NOW_S,
         Inputs(said if sd_m is None else [*said, EstimatorStatus(NOW_S, sd_m)]),
         in_flight=True,
     )
-    (floor,) = [wall for wall in heard.view(NOW_S).walls if wall.limiter is Limiter.FLOOR]
+    (floor,) = [wall for wall in observed.view(NOW_S).walls if wall.limiter is Limiter.FLOOR]
     assert (floor.margin_m, floor.gap_m) == pytest.approx(
         (margin_m, 10.0 - envelope.floor_m - margin_m)
     )
