@@ -39,12 +39,8 @@ COSTLY = Path(__file__).with_name("costly.txt")
 """The tests that need more; `python -m tests durations --write` lists them."""
 
 SHORT = "not costly and not slow and not flight and not arrays and not long"
-CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-OTHERS = min(4, round(os.getloadavg()[0]) - 1) if hasattr(os, "getloadavg") else 0
-"""Other programs that compute now; one of them is the installation that has just ended."""
-
-BESIDE = ("-n", str(CORES + max(0, OTHERS)), "--dist", "loadfile")
-"""On a busy machine more workers get a larger share of it; each has to collect the tests."""
+BESIDE = ("-n", "auto", "--dist", "loadfile")
+"""How many workers there are is decided in conftest.py."""
 
 PASSED = "passed"
 FAILED = "failed"
@@ -306,7 +302,7 @@ def _run(step: Step, name: str, earlier: Mapping[str, Row], *, beside: bool) -> 
         if not left:
             print(f"── {name}: passed before", flush=True)
             return earlier[name]
-        command += left
+        command += ["-n", "0", *left]
     else:
         command += _files_with(step.marked) if step.marked else []
         if step.runs_tests:

@@ -23,6 +23,7 @@ def hostile_folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("arguments", [("panel", "--help"), ("view", "--help")])
 def test_commands_beside_a_flight_import_nothing_from_the_folder(hostile_folder, arguments):
+    """Catches a file of the working folder that is imported in place of a module."""
     with subprocess.Popen(
         command(arguments), stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as child:
@@ -31,6 +32,7 @@ def test_commands_beside_a_flight_import_nothing_from_the_folder(hostile_folder,
 
 
 def test_the_mock_imports_nothing_from_the_folder(hostile_folder):
+    """Catches a file of the working folder that the mock imports in place of a module."""
     with running([{"name": "uav1", "flavour": "px4"}], over=("udp",)):
         pass
     assert not (hostile_folder / "imported").exists()

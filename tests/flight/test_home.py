@@ -40,6 +40,7 @@ def set_home(sortie, north_m, east_m):
 
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_a_home_that_is_set_in_flight_moves_no_fence_and_is_told(sorties, autopilot):
+    """Catches a fence that follows a home which somebody moves in flight."""
     beside_m = 5.0
     sortie = sorties(autopilot)
     sortie.until(State.READY)

@@ -75,6 +75,7 @@ def test_optimal_play_takes_the_value(played, oracle, seed):
 @few
 @given(seed=seeds)
 def test_no_evader_escapes_the_optimal_pursuer_for_longer_than_the_value(played, oracle, seed):
+    """Catches a strategy of the pursuer that takes longer than the value."""
     P, E, _ = start(played, oracle, seed, 4)
     steady = constant(
         courses(seed, 4, speed=played.evader_speed_m_s, level=played.evader_space == "plane")

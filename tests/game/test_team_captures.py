@@ -159,6 +159,7 @@ STRAIGHT = EVADER_POLICIES["task_oriented"]
     ids=["straight or weaving", "mixed", "optimal"],
 )
 def test_captures_are_never_fewer_than_guaranteed_nor_than_by_any_rule(evaders, step_s):
+    """Catches a play that gives up a promised capture, or takes fewer than a simple rule."""
     P, E = states(11, 3, 3, 16)
     P = np.concatenate([P, P])
     E = np.concatenate([E, E])
@@ -181,6 +182,7 @@ def test_captures_are_never_fewer_than_guaranteed_nor_than_by_any_rule(evaders, 
 
 
 def test_vehicles_with_stand_off_keep_every_promised_capture_and_take_more():
+    """Catches orders of captures that forget the stand-off or the slower climb."""
     game = Game(Cylinder(4.0, 2.0, 1.5), 2.0, capture_radius_m=0.2, standoff=StandOff(3.0, 4.0))
     P, E = states(12, 2, 4, 12)
     P[..., 2] += 4.0
@@ -196,6 +198,7 @@ def test_vehicles_with_stand_off_keep_every_promised_capture_and_take_more():
 
 
 def test_a_target_with_an_extent_keeps_its_promises_too():
+    """Catches a promise of captures that measures to the middle of the target."""
     game = Game(Ball(1.5), 1.0, capture_radius_m=0.5, target_extent=Extent(radius_m=3.0))
     P, E = states(13, 2, 3, 10)
     result = rollout_teams(
@@ -205,6 +208,7 @@ def test_a_target_with_an_extent_keeps_its_promises_too():
 
 
 def test_captures_of_one_game_are_those_of_its_batch():
+    """Catches an order of captures that another game of the batch has changed."""
     P, E = states(14, 2, 3, 4)
     policies = {"pursuer_policy": "captures", "evader_policy": weaving, "step_s": 0.3}
     batch = rollout_teams(POINTS, P, E, T, **policies)
@@ -328,6 +332,7 @@ class Delaying:
     ids=["delaying, weaving or straight", "optimal"],
 )
 def test_two_pursuers_make_every_capture_in_turn_that_is_promised_against_three_evaders(play):
+    """Catches a second capture in turn that is promised and comes too late."""
     game = Game(Ball(2.5), 1.0, capture_radius_m=0.5)
     P, E = states(23, 2, 3, 60, size_m=12.0)
     sure = match_teams(game, P, E, T, spare_m=0.035)

@@ -347,6 +347,7 @@ def test_a_capture_within_the_error_of_a_step_is_not_promised(spare_m, promised)
 
 @pytest.mark.parametrize("policy", ["lead_pursuit", "pure_pursuit", "task_oriented"])
 def test_a_team_of_one_flies_the_same_policy_as_a_pursuer_alone(policy):
+    """Catches a policy that a team hands less than a pursuer alone, such as the evader's velocity."""
     game = Game(Ball(1.2), 1.0, capture_radius_m=0.5)
     rng = np.random.default_rng(1)
     P = np.concatenate([rng.uniform(-10, 10, (40, 2)), rng.uniform(0, 5, (40, 1))], axis=1)

@@ -622,6 +622,7 @@ def test_a_state_of_numpys_numbers_is_solved_as_one_of_floats():
 
 
 def test_no_straight_run_before_cylinders_of_several_heights_ends_closer_than_the_lower_bound():
+    """Catches a lower bound that a straight run falls below."""
     rng = np.random.default_rng(1)
     angle = np.linspace(0.0, 2.0 * np.pi, 1441)
     run = np.stack([np.cos(angle), np.sin(angle)], axis=-1)

@@ -27,6 +27,7 @@ def test_right():
 
 
 def test_threads_that_share_a_processor_are_seen_to_wait():
+    """Catches a wait for a processor that the measurement does not see."""
     cores = os.sched_getaffinity(0)
     spin = [sys.executable, "-c", SPIN.format(until=time.monotonic() + 1.5)]
     try:
@@ -42,7 +43,10 @@ def test_threads_that_share_a_processor_are_seen_to_wait():
 
 
 def test_a_failure_for_want_of_a_processor_is_counted_as_starved(tmp_path):
-    """The conftest of these tests, in a folder of its own."""
+    """Catches a starved test that counts as failed, or a failed one that counts as starved.
+
+    The conftest of these tests, in a folder of its own.
+    """
     (tmp_path / "conftest.py").write_text("from tests.conftest import *\n")
     (tmp_path / "test_three.py").write_text(FAILING)
     (tmp_path / "pytest.ini").write_text("[pytest]\n")

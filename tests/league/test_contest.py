@@ -154,6 +154,7 @@ def registered(name, columns, answer):
 @pytest.mark.parametrize("game", ["pe", "tad", "hover_chase"])
 @pytest.mark.parametrize(("side", "columns"), [("pursuer", 3), ("evader", 2)])
 def test_quitting_costs_the_remaining_value_and_never_less_than_playing_badly(game, side, columns):
+    """Catches a pursuer that gains by quitting."""
     name = registered("tests.quits:policy", columns, np.nan)
     contest = contest_of(load_scenario(game)[1], name, side, 40, 7)
     quits = play_pair(contest, name, "optimal")
@@ -169,6 +170,7 @@ def test_quitting_costs_the_remaining_value_and_never_less_than_playing_badly(ga
 
 
 def test_a_pursuer_that_only_waits_pays_for_the_time_limit_and_the_remaining_value():
+    """Catches a pursuer that gains by waiting for the time limit."""
     name = registered("tests.waits:policy", 3, 0.0)
     scenario = load_scenario("hover_chase")[1].model_copy(update={"time_limit_s": 20.0})
     contest = contest_of(scenario, name, "pursuer", 10, 7)
@@ -191,6 +193,7 @@ def test_a_pursuer_does_not_pay_for_an_evader_without_an_answer():
 @pytest.mark.parametrize("size", [1e308, 1e200, 1e6])
 @pytest.mark.parametrize(("side", "columns"), [("pursuer", 3), ("evader", 2)])
 def test_a_huge_action_is_flown_at_full_speed(size, side, columns):
+    """Catches an action that overflows and becomes NaN."""
     scenario = load_scenario("hover_chase")[1].model_copy(update={"time_limit_s": 10.0})
     contest = contest_of(scenario, "optimal", side, 8, 1)
     huge = play_pair(contest, registered("tests.huge:policy", columns, size), "optimal")

@@ -27,6 +27,7 @@ def test_gymnasiums_checks_pass(scenario, side, between_points):
 
 @pytest.mark.parametrize("scenario", ["tad", "teams_tad", "teams_chase"])
 def test_pettingzoos_checks_pass(scenario):
+    """Catches an environment that breaks PettingZoo's own rules."""
     parallel_api_test(PursuitParallelEnv(scenario, step_s=0.5), num_cycles=60)
     parallel_seed_test(lambda: PursuitParallelEnv(scenario, step_s=0.5), num_cycles=5)
 
@@ -49,6 +50,7 @@ def test_games_end_as_the_mathematics_ends_them(name):
 @pytest.mark.parametrize("scenario", ["pe", "tad"])
 @pytest.mark.parametrize("side", ["pursuer", "evader"])
 def test_rewards_of_an_episode_are_minus_its_regret_and_optimal_play_has_none(scenario, side):
+    """Catches rewards that do not add up to the regret."""
     environment = PursuitVectorEnv(scenario, 16, side=side, between_points=True)
     environment.reset(seed=3)
     games = environment.games

@@ -276,6 +276,7 @@ def test_mavlink_1_is_understood(rig):
 
 
 def test_unread_messages_are_bounded(any_rig):
+    """Catches a queue that grows while nobody reads it, or drops the newest."""
     for n in range(3000):
         any_rig.peer.local_position(n)
         if n % 100 == 0:

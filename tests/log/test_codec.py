@@ -66,6 +66,7 @@ def read(kind, value):
 
 @given(inputs)
 def test_any_inputs_come_back_bit_for_bit_with_their_types(given_inputs):
+    """Catches a value or a type that a record loses."""
     entry = cycle_entry(0.5, given_inputs, Outputs(State.READY, None, (), (), None))
     back = CYCLE.decode(CYCLE.encode(entry)).inputs
     assert repr(back) == repr(given_inputs)  # repr tells NaN, -0.0, 1 and 1.0 apart

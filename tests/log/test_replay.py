@@ -225,6 +225,7 @@ def test_a_torn_record_is_replayed_up_to_the_damage(flight, tmp_path):
 
 
 def test_a_replay_that_compares_nothing_is_no_success(flight, tmp_path):
+    """Catches a replay that compared nothing and ends with 0."""
     empty = tmp_path / "empty.mcap"
     Recorder(empty, metadata_of(flight[1])).close()
     refused = CliRunner().invoke(app, ["replay", str(empty)])

@@ -17,6 +17,7 @@ GOLDEN = Path(__file__).parents[1] / "data" / "short_chase.mcap"
 
 
 def test_the_golden_flight_gives_the_recorded_commands():
+    """Catches commands that have changed since the golden flight."""
     commanded = 0
     for step in replay(GOLDEN, recorded_settings):
         at = f"at {step.row.now_s:.2f} s, in {step.row.state}"

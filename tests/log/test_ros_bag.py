@@ -93,6 +93,7 @@ def test_names_become_names_of_ros_and_two_that_become_one_are_refused(short_fli
 
 
 def test_a_folder_that_exists_is_kept_and_one_that_fails_is_removed(short_flight, bag, tmp_path):
+    """Catches an export that deletes a user's folder, or leaves half of one."""
     with pytest.raises(OutputError, match="File exists"):
         write_bag({"": short_flight[1]}, bag, recorded_settings)
 

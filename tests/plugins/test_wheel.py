@@ -134,6 +134,7 @@ def opened(config):
 
 
 def test_its_kind_has_keys_of_its_own_and_any_scheme(installed):
+    """Catches a key of a plug-in that is not checked."""
     config = read(evader=BUOY)
     assert (config.evader.callsign, config.evader.north_m) == ("B7", 30.0)
     faults = {

@@ -84,6 +84,7 @@ def test_an_order_that_changes_nothing_is_refused_with_what_to_do_next(base):
 def test_a_vehicle_that_was_flying_when_the_daemon_began_is_handed_over_on_an_order(
     base, order, state, mode
 ):
+    """Catches an order that a daemon refuses because the flight is not its own."""
     base = aloft(base.standing_by())
     base.until(State.CHECKING, State.READY)
     assert base.order(order)["accepted"]
@@ -146,6 +147,7 @@ def test_a_vehicle_that_a_pilot_armed_on_the_ground_is_refused_with_the_reason(
 def test_a_start_right_after_somebody_disarmed_the_vehicle_is_refused_with_the_reason(
     base, given, autopilot, sticks
 ):
+    """Catches a start that arms a vehicle which somebody has just disarmed."""
     base = base.ready(**given, vehicle={"autopilot": autopilot})
     pilot(base, sticks)
     base.run(0.5)
@@ -459,6 +461,7 @@ def test_a_pilots_switch_to_the_guided_mode_engages_where_that_is_configured(bas
 
 
 def test_while_a_pilot_is_waited_for_the_stream_is_still_and_current(base):
+    """Catches a stream that moves the vehicle, or grows old, before the pilot's switch."""
     base = base.standing_by(flight={"engage_on": "pilot_mode"}).run(2.0)
     since_s = base.now_s
     base.run(1.0)

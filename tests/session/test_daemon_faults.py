@@ -77,6 +77,7 @@ def test_a_whole_flight_on_a_wire_that_spoils_one_number_in_thirty_messages(
 
 
 def test_an_error_outside_the_flight_releases_the_vehicle_and_the_daemon_answers(base):
+    """Catches an error outside the flight that goes on commanding."""
     one = base.engaged()
     since_s = one.now_s
     one.daemon.survive(KeyError("a part of ours"), one.now_s)

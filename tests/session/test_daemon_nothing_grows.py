@@ -89,6 +89,7 @@ def test_a_whole_flight_leaves_nothing(tmp_path):
 
 
 def test_orders_leave_nothing(grounded):
+    """Catches an order that stays in memory."""
     daemon, _ = grounded
     words = ("status", "hold", "reset", "engage")
 
@@ -103,6 +104,7 @@ def test_orders_leave_nothing(grounded):
 
 
 def test_reloads_leave_nothing(grounded):
+    """Catches a flight that stays in memory after a reload."""
     daemon, load_again = grounded
 
     def once(number):

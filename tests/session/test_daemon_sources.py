@@ -96,6 +96,7 @@ def remote_id(clock):
 
 @pytest.mark.parametrize("source", [ros, remote_id])
 def test_who_walks_is_come_to_and_kept_off_by_what_it_says_in_its_own_words(base, source):
+    """Catches an evader source that shifts, delays or drops its reports on the way to the flight."""
     one = base(source=source).engaged()
     nearest_m = math.inf
     while one.state is not State.ON_STATION:
@@ -109,6 +110,7 @@ def test_who_walks_is_come_to_and_kept_off_by_what_it_says_in_its_own_words(base
 
 
 def test_on_a_signed_link_nobody_is_pursued_whose_reports_are_not_signed(base):
+    """Catches a forged evader on a signed link."""
     one = base(key=KEY)
     one.prey.autopilot.signing.set_key(None)
     one.standing_by()

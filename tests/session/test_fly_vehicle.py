@@ -282,6 +282,7 @@ def test_preflight_refuses_on_the_ground_and_names_what_is_wrong(sortie):
 
 
 def test_a_check_that_fails_as_the_vehicle_is_to_arm_ends_the_run_and_is_named(sortie):
+    """Catches a refused arming whose reason is lost on the way to the result."""
     world = World("arducopter")
     flown = sortie(world)
     flown.run(until=lambda: flown.state is State.ARMING)

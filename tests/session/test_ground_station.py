@@ -129,6 +129,7 @@ def results(station, since):
 def test_a_hold_that_is_pressed_again_after_somebody_engaged_holds_though_it_calls_itself_a_repeat(
     base,
 ):
+    """Catches a HOLD that is answered and not obeyed."""
     base = base.engaged(stations=STATIONS)
     station = Station(base)
     assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
@@ -143,6 +144,7 @@ def test_a_hold_that_is_pressed_again_after_somebody_engaged_holds_though_it_cal
 
 
 def test_a_repeated_start_or_engagement_does_not_begin_again_what_a_person_ended(base):
+    """Catches a late repeat that begins again what a person ended."""
     base = base.standing_by(stations=STATIONS, key=KEY)
     station = Station(base, key=KEY)
     station.send(USER_5)
@@ -171,6 +173,7 @@ def test_an_order_is_repeated_by_the_same_sender_with_the_same_parameters_only(b
 
 
 def test_after_a_reset_a_repeated_hold_is_not_said_to_be_in_force(base):
+    """Catches a repeat that is answered with the verdict of an earlier flight."""
     base = base.standing_by(stations=STATIONS)
     station = Station(base)
     assert station.order(USER_3) == [ACCEPTED, ACCEPTED]

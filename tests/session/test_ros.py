@@ -104,6 +104,7 @@ def test_a_late_subscriber_hears_every_topic_as_the_record_has_it(graph, short_f
 def test_the_graph_lists_node_topics_and_services_with_the_types_and_hashes_of_ros(
     graph, short_flight
 ):
+    """Catches a type or hash that ROS would not match."""
     opened, client = graph
     with output(opened.port, short_flight[1], orders=True) as sink:
         assert until(lambda: len(tokens(opened, "SS")) == len(ORDERS))

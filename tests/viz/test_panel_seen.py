@@ -122,6 +122,7 @@ def told(record):
 
 
 def test_a_snapshot_of_the_chase_equals_the_record(record):
+    """Catches a value on the page that differs from the record."""
     fold = folded(record, lambda row: row.state is State.ENGAGED and row.certificate is not None)
     row = next(
         row

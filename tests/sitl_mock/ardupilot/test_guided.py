@@ -97,6 +97,7 @@ def along(flight, measured, within_m):
 
 
 def test_simple_goto_flies_where_arducopter_flew(fly):
+    """Catches a flight to a place that differs from the real ArduCopter's."""
     drone = Drone(fly)
     assert drone.arm_and_takeoff(10.0) == pytest.approx(8.9, abs=1.5)
     # Airspeed = 3, before the first goto: forgotten with it, on the real one too
@@ -127,6 +128,7 @@ REACHED_S = {1: 0.8, 2: 13.3, 3: 26.4, 4: 39.1, 5: 53.9, 6: 53.9}
 
 
 def test_mission_basic_reaches_each_place_when_arducopter_did_and_stays_in_auto(fly):
+    """Catches a mission that is flown faster or slower than the real ArduCopter's."""
     drone = Drone(fly)
     drone.upload(MISSION)
     drone.arm_and_takeoff(10.0)

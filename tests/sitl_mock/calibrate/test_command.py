@@ -49,6 +49,7 @@ def test_a_recorded_file_passes_and_prints_its_table(name, more):
 
 
 def test_the_wrong_flavour_ends_with_one():
+    """Catches a comparison that passes any response."""
     result = RUNNER.invoke(
         app,
         ["calibrate", str(DATA / "px4_steps.csv"), "--flavour", "arducopter", "--dynamics-only"],

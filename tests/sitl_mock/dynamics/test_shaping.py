@@ -65,6 +65,7 @@ def test_a_vertical_reference_ends_on_the_speed_and_acceleration_of_its_target(w
 @example(to=(0.0, 3.0, 0.0))
 @given(to=st.tuples(st.floats(-200.0, 200.0), st.floats(-200.0, 200.0), st.floats(-60.0, 60.0)))
 def test_travel_ends_at_the_place_and_hardly_overruns_it(limits, to):
+    """Catches a shaper that overruns or never ends."""
     order = Setpoint(Kind.TRAVEL, position_ned_m=Vector(to))
     reference = Reference(ZERO, ZERO)
     furthest = 0.0

@@ -134,6 +134,7 @@ def test_zero_values_of_every_message_make_one_byte_of_payload_both_here_and_the
 @settings(max_examples=drawn(100), deadline=None)
 @given(st.lists(any_message(), min_size=1, max_size=8), st.randoms(use_true_random=False))
 def test_a_stream_cut_anywhere_gives_every_message_once_and_in_order(messages, rng):
+    """Catches a message that a cut of the stream loses or doubles."""
     encoder = Encoder(1, 1)
     stream = b"".join(encoder.pack(cls.msgname, *values) for cls, values in messages)
     decoder = Decoder()

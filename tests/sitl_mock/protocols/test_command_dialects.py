@@ -46,7 +46,10 @@ def asked(flight, kind, number):
     ("flavour", "kind"), [(flavour, kind) for flavour, kinds in REAL.items() for kind in kinds]
 )
 def test_row_26_every_command_is_answered_as_the_real_one_does(fly, flavour, kind):
-    """What is unsupported changes nothing, so one vehicle is asked for all of it."""
+    """Catches a command that is answered otherwise than by the real autopilot.
+
+    What is unsupported changes nothing, so one vehicle is asked for all of it.
+    """
 
     def fresh():
         return fly(flavour, ready_after_s=0.1).run(0.3)

@@ -115,6 +115,7 @@ def test_requirements_of_a_mode_are_checked_by_px4(px4):
 
 
 def test_the_mode_follows_velocities_and_holds_until_the_first_one(flying):
+    """Catches an external mode that drifts before its first setpoint."""
     flying.choose(23)
     height_m = flying.height_m
     flying.step(1.0)

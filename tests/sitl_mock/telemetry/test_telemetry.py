@@ -54,6 +54,7 @@ def without_content(flight, flavour, state):
 @pytest.mark.parametrize("flavour", NAMES)
 @pytest.mark.parametrize("state", ["booting", "standing", "moving", "blind"])
 def test_every_offered_message_can_be_had_in_every_state(fly, ned_velocity, flavour, state):
+    """Catches a message that is offered and cannot be sent in some state."""
     flight = fly(flavour, ready_after_s=0.5 if state != "booting" else 100.0).run(1.0)
     if state in {"moving", "blind"}:
         if flavour == "rover":

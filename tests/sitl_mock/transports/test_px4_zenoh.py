@@ -202,6 +202,7 @@ def test_the_example_flies_the_mock_as_a_mode_that_a_station_chooses(tmp_path, a
 
 
 def test_the_mock_says_that_there_is_no_router_and_goes_on():
+    """Catches a mock that ends, or is silent, without a router."""
     with running(
         [{"name": "uav1", "flavour": "px4"}], over=["udp"], px4_zenoh="tcp/127.0.0.1:1"
     ) as fleet:

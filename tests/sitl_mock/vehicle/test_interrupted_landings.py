@@ -30,6 +30,7 @@ def accepted(flight, results):
 @pytest.mark.parametrize("name", AUTOPILOTS)
 @pytest.mark.parametrize("descent", ["land", "return"])
 def test_hold_stops_a_descent_in_the_air_and_stays_there(fly, name, descent):
+    """Catches a descent that goes on after a hold."""
     flight = fly.airborne(name, height=12.0)
     assert flight.command({"land": 21, "return": 20}[descent]) == [0]
     flight.until(lambda: flight.height < 7.0 and flight.velocity[2] > 0.4, 60.0)

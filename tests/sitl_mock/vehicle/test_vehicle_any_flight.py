@@ -81,6 +81,7 @@ def act(flight, modes, event):
 )
 @given(events=EVENTS, airborne=st.booleans())
 def test_it_never_fails_stays_above_ground_and_in_its_table(fly, name, events, airborne):
+    """Catches a sequence of commands and faults that no other test thought of."""
     flight = fly(name, noise=True, dt_s=0.05)
     modes = flavour_named(name).modes.modes
     flight.run(1.0)
