@@ -61,7 +61,7 @@ def redraws(target: Console) -> bool:
     return target.is_terminal and not target.is_dumb_terminal
 
 
-def sheet(
+def as_table(
     headings: Sequence[str],
     rows: Iterable[Sequence[Cell]],
     *,
@@ -89,7 +89,7 @@ def sheet(
     return table
 
 
-def print_sheet(
+def print_as_table(
     target: Console,
     headings: Sequence[str],
     rows: Sequence[Sequence[Cell]],
@@ -102,9 +102,9 @@ def print_sheet(
         target: The console.
         headings: Column headings.
         rows: One cell per heading.
-        left: Indices of the text columns, as for `sheet`.
+        left: Indices of the text columns, as for `as_table`.
     """
-    table = sheet(headings, rows, left=left)
+    table = as_table(headings, rows, left=left)
     least = Measurement.get(target, target.options.update(width=PIPED_COLUMNS), table).minimum
     if least <= target.width:
         target.print(table)

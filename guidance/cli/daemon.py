@@ -47,8 +47,8 @@ def run(
             endpoint = vehicle_config.control.endpoint
             if vehicle_config.control.by_tls:
                 refused = f"--panel with control.endpoint = {endpoint!r}: that router judges who may order"
-                mend = f"leave it out, and run guidance panel --endpoint {endpoint} --zenoh FILE (an operator's)"
-                raise ConfigError(f"{refused}; {mend}")
+                remedy = f"leave it out, and run guidance panel --endpoint {endpoint} --zenoh FILE (an operator's)"
+                raise ConfigError(f"{refused}; {remedy}")
             served_panel = panel_beside(
                 endpoint, vehicle_config.record.folder, vehicle_config.control.token_file
             )

@@ -244,7 +244,7 @@ def fly_scenario(
         as_json: Print the outcome row as JSON, and text for people on standard error.
 
     Raises:
-        GuidanceError: For everything that the user can mend.
+        GuidanceError: For everything that the user can fix.
     """
     path, scenario = _loaded(name, seed, pursuer)
     urls: tuple[str, ...] = ()
@@ -261,13 +261,13 @@ def fly_scenario(
         # With the URLs, if there are any, and the commands that set the vehicles up.
         refusal = str(error)
         scenario_word = f"{name} " if len(urls) == 1 else ""  # `check` plays no teams
-        mend = ""
+        remedy = ""
         for url, mavlink_url in zip_longest(urls, beside):
             options = f"--vehicle {url}"
             if is_px4(url):
                 options += f" --parameters {mavlink_url or 'udpin://127.0.0.1:14540'}"
-            mend += f"\nto have it set up: guidance check {scenario_word}{options} --apply"
-        advice = mend if refusal.startswith("preflight refuses") else ""
+            remedy += f"\nto have it set up: guidance check {scenario_word}{options} --apply"
+        advice = remedy if refusal.startswith("preflight refuses") else ""
         advised = f"{' '.join(urls)}: {refusal}{advice}" if urls else refusal
         raise FlightError(advised) from error
     flights = [*result.vehicles.values()]
@@ -384,9 +384,9 @@ class LiveLine:
     def __init__(self, target: Console) -> None:
         self._there = target
         self._last: dict[str, Progress] = {}
-        self._told_s = 0.0
+        self._updated_s = 0.0
         self._printed: dict[str, tuple[str, float]] = {}
-        self._record_told = self._interrupted = False
+        self._record_reported = self._interrupted = False
 
     def interrupt(self, *_: object) -> NoReturn:
         """Handle Ctrl-C: KeyboardInterrupt is raised here, and again by `show`, as a library may swallow this one."""
@@ -398,17 +398,17 @@ class LiveLine:
         if self._interrupted:
             raise KeyboardInterrupt
         self._last[progress.vehicle] = progress
-        self._told_s = time.perf_counter()
-        if progress.record_stopped and not self._record_told:
-            self._record_told = True
+        self._updated_s = time.perf_counter()
+        if progress.record_stopped and not self._record_reported:
+            self._record_reported = True
             self._there.print(f"{progress.now_s:7.1f} s  {progress.record_stopped}", style="yellow")
         if redraws(self._there):
             return
         news = plain_line(progress)
         (printed, printed_s) = self._printed.get(progress.vehicle, ("", 0.0))
-        is_repetition = bool(progress.waiting) and self._told_s - printed_s < _PLAIN_S
+        is_repetition = bool(progress.waiting) and self._updated_s - printed_s < _PLAIN_S
         if news != printed and not is_repetition:
-            self._printed[progress.vehicle] = news, self._told_s
+            self._printed[progress.vehicle] = news, self._updated_s
             line = f"{progress.now_s:7.1f} s  {_with_vehicle_name(progress, news)}"
             self._there.print(line, soft_wrap=True)
 
@@ -416,7 +416,7 @@ class LiveLine:
         """Return the line, or the lines. A stalled loop shows as old."""
         vehicles = list(self._last.values())
         lines = "\n".join(map(words, vehicles))
-        age_s = time.perf_counter() - self._told_s
+        age_s = time.perf_counter() - self._updated_s
         is_waiting = any(progress.waiting for progress in vehicles)
         stalled_s = math.inf if is_waiting else STALLED_S
         return aged(lines, age_s, stalled_s)

@@ -27,7 +27,7 @@ from guidance.log.bag import FOLDER, write_bag
 from guidance.log.entries import CYCLE, cycle_entry
 from guidance.log.replay import Comparison, Difference
 from guidance.messages import EvaderReport
-from guidance.screen import console, live, pairs, sheet
+from guidance.screen import as_table, console, live, pairs
 from guidance.session.flight_files import RECORD, changes_of, recorded_settings
 from guidance.texts import printable
 
@@ -120,7 +120,7 @@ def info(file: File, as_json: Json = False) -> None:
         messages = str(survey.messages[topic])
         size_kib = survey.data_bytes[topic] / 1024
         rows.append((messages, f"{size_kib:.1f}", Text(printable(topic))))
-    target.print(sheet(("messages", "KiB", "channel"), rows, left=(2,)))
+    target.print(as_table(("messages", "KiB", "channel"), rows, left=(2,)))
     for source, count in reports.items():
         target.print(Text(f"{count} reports of the evader by {printable(source)}"))
     metadata = []
@@ -154,7 +154,7 @@ def events(file: File, as_json: Json = False) -> None:
         name = Text(printable(event.event))
         detail = Text(printable(event.words))
         rows.append((f"{event.now_s:.3f}", name, detail))
-    console().print(sheet(("time, s", "event", "detail"), rows, left=(1, 2)))
+    console().print(as_table(("time, s", "event", "detail"), rows, left=(1, 2)))
 
 
 @log.command()

@@ -17,7 +17,7 @@ from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require_extras
 from guidance.game.speed_sets import speed_set_named
-from guidance.screen import console, headed, pairs, sheet
+from guidance.screen import as_table, console, headed, pairs
 from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play_scenarios
@@ -206,7 +206,7 @@ def _verdicts(
         cells.append((verdict.column, verdict.expected, value, judgements[verdict.held]))
     if cells:
         headings = ("column", "expected", "came out", "verdict")
-        screen.print(sheet(headings, cells, left=range(4), title="expected"))
+        screen.print(as_table(headings, cells, left=range(4), title="expected"))
     return verdicts
 
 
@@ -292,7 +292,7 @@ def listing(width: int) -> Table:
     if width < 120:
         columns -= 1
     rows = [row[:columns] for row in listed()]
-    return sheet(_LISTED[:columns], rows, left=range(columns))
+    return as_table(_LISTED[:columns], rows, left=range(columns))
 
 
 def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:

@@ -19,7 +19,7 @@ from guidance.extras import require_extras
 from guidance.files import writing
 from guidance.game import Ball, Cylinder, Game, Reason, Solution, SpeedSet, StandOff, Winner
 from guidance.game import solve as solve_game
-from guidance.screen import console, pairs, sheet
+from guidance.screen import as_table, console, pairs
 
 
 def solve(
@@ -177,7 +177,7 @@ def paper(
                 mark = "✓" if case.matches else "✗"
                 cells.append((*case.strategies, case.published, case.stepped, case.exact, mark))
             title = f"{table.title}; {table.quantity}"
-            target.print(sheet(headings, cells, left=(0, 1), title=title))
+            target.print(as_table(headings, cells, left=(0, 1), title=title))
         right = matches.count(True)
         target.print(f"{right} of {len(matches)} published cells match in every digit.")
     if figures:

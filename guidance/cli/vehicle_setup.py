@@ -22,7 +22,7 @@ from guidance.errors import ConfigError, FlightError
 from guidance.extras import require_extras
 from guidance.files import writing
 from guidance.links.port import is_px4, parse
-from guidance.screen import console, sheet, waiting
+from guidance.screen import as_table, console, waiting
 from guidance.session.checkup import SURVEY_LIMIT_S, Checkup, checkup_of, examine
 from guidance.session.open import discovery
 from guidance.session.vehicle_file import load_vehicle
@@ -166,7 +166,7 @@ def check(
 def _findings(checkup: Checkup) -> Sequence[Finding]:
     """Read and judge; the waiting line names the missing data."""
     with waiting(console(stderr=True), "parameters, positions and rates", SURVEY_LIMIT_S) as tell:
-        return checkup.rows(told=lambda lacking: tell(lacking or "rates to be counted"))
+        return checkup.rows(report=lambda lacking: tell(lacking or "rates to be counted"))
 
 
 def _apply(checkup: Checkup, *, advised: bool, yes: bool, quiet: bool) -> bool:
@@ -225,7 +225,7 @@ def _print_table(screen: Console, lines: Iterable[tuple[str, str, str]]) -> None
         (Text(verdict, style=_STYLE[verdict]), name, Text(words)) for verdict, name, words in lines
     ]
     if rows:
-        screen.print(sheet(("verdict", "name", "value"), rows, left=range(3)))
+        screen.print(as_table(("verdict", "name", "value"), rows, left=range(3)))
 
 
 def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.")]) -> None:

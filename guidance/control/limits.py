@@ -251,9 +251,9 @@ class Limits(Section):
             limit_m_s: float | None = getattr(self, name)
             if limit_m_s is not None and limit_m_s < played_m_s:
                 game_speed = f"{section}.{name} = {played_m_s:g}, the game's own speed"
-                mend = f"raise limits.{name} or lower {section}.{name}"
+                remedy = f"raise limits.{name} or lower {section}.{name}"
                 raise ValueError(
-                    f"limits.{name} = {limit_m_s:g}: must be at least {game_speed}; {mend}"
+                    f"limits.{name} = {limit_m_s:g}: must be at least {game_speed}; {remedy}"
                 )
             limits.append(CATCH_UP_RATIO * played_m_s if limit_m_s is None else limit_m_s)
         return Speeds(*limits)

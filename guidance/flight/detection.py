@@ -54,7 +54,7 @@ _TO_DO: Final[Mapping[str, str]] = {
     "sender": "find what else sends with the vehicle's system id, or sign MAVLink",
     "delay": "use a faster link or request fewer streams on it; routers must pass TIMESYNC on; "
     "a simulator must run at the pace of real time",
-    "prearm": "read the autopilot's own messages in the ground station, and mend what they name",
+    "prearm": "read the autopilot's own messages in the ground station, and fix what they name",
     "battery": "change or charge the battery",
 }
 """Advice for each failed readiness check, by its name."""

@@ -59,9 +59,9 @@ class Extent:
         for before, (x, y), after in zip(corners, others, (*others[1:], first), strict=False):
             turn = cross2((x - before[0], y - before[1]), (after[0] - x, after[1] - y))
             if corners.count((x, y)) > 1 or (len(corners) > 2 and turn <= 0.0):
-                mend = "leave it out, or use a convex polygon around all of them"
+                remedy = "leave it out, or use a convex polygon around all of them"
                 raise ConfigError(
-                    f"corners_m: ({x:g}, {y:g}) is no corner of a convex polygon with the others; {mend}"
+                    f"corners_m: ({x:g}, {y:g}) is no corner of a convex polygon with the others; {remedy}"
                 )
         object.__setattr__(self, "corners_m", corners)
         object.__setattr__(self, "radius_m", float(self.radius_m))

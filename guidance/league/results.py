@@ -18,7 +18,7 @@ from guidance.league.contest import (
     worst_rows,
 )
 from guidance.league.laws import FRPN, FRPN_LEVEL
-from guidance.screen import print_sheet
+from guidance.screen import print_as_table
 from guidance.sim.scenario import PURSUER
 
 TABLE: Final = "league.json"
@@ -60,7 +60,7 @@ def print_table(target: Console, contest: Contest, played: Sequence[PlayedPair])
             line.append(_words(row.relative, 100.0))
         line.append(str(row.failed))
         cells.append(line)
-    print_sheet(target, headings, cells, left=range(2))
+    print_as_table(target, headings, cells, left=range(2))
 
 
 def _words(estimate: IntervalEstimate, scale: float = 1.0) -> str:

@@ -16,7 +16,7 @@ from guidance.errors import ConfigError
 from guidance.game import End
 from guidance.game.team import TEAM_RULES
 from guidance.game.team.rollout import CAPTURES, OPTIMAL
-from guidance.screen import print_sheet
+from guidance.screen import print_as_table
 from guidance.sim.scenario import PURSUER
 from guidance.sim.teams import TeamScenario, played_teams, teams_of
 from guidance.strategies import uniform
@@ -170,7 +170,7 @@ def print_team_table(target: Console, contest: TeamContest, rows: list[TeamRow])
         ]
         for row in rows
     ]
-    print_sheet(target, headings, cells, left=range(2))
+    print_as_table(target, headings, cells, left=range(2))
 
 
 def team_document_of(contest: TeamContest, rows: list[TeamRow]) -> dict[str, Any]:

@@ -155,8 +155,8 @@ def record_errors(path: Path) -> Iterator[None]:
     except _CONTENT as error:
         lines = str(error).splitlines()
         reason = f"{type(error).__name__}: {lines[0][:200]}" if lines else type(error).__name__
-        mend = "it is damaged, or written by another program or version"
-        raise ConfigError(f"{path}: cannot be read as a record ({reason}); {mend}") from error
+        remedy = "it is damaged, or written by another program or version"
+        raise ConfigError(f"{path}: cannot be read as a record ({reason}); {remedy}") from error
 
 
 def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> Iterator[Item]:

@@ -89,13 +89,13 @@ class Checkup:
         self._daemon = Daemon(name, plan, self._link, world.evaders[name], Equipment())
 
     def rows(
-        self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None
+        self, limit_s: float = SURVEY_LIMIT_S, report: Callable[[str], None] = lambda _: None
     ) -> Sequence[Finding]:
         """Wait for all inputs, and return preflight's rows and the flight's own checks.
 
         Args:
             limit_s: Longest wait. HEARTBEATs of another autopilot with the vehicle's ids are named only after it.
-            told: Called with the names of missing inputs.
+            report: Called with the names of missing inputs.
         """
         daemon = self._daemon
         clock = self._clock
@@ -106,7 +106,7 @@ class Checkup:
             latest = self._daemon.flight.vehicle.latest
             names = [name for kind, name in _HEARD.items() if latest.get(kind) is None]
             missing = ", ".join([*names, *self._daemon.survey.memory.missing])
-            told(missing)
+            report(missing)
             if missing:
                 complete_s = clock.now_s()
             elif clock.now_s() - complete_s > COUNTED_S + 1.0:
@@ -197,7 +197,7 @@ def checkup_of(config: Config) -> Iterator[Checkup]:
     """Open the vehicle of a configuration.
 
     Raises:
-        GuidanceError: For everything that the user can mend.
+        GuidanceError: For everything that the user can fix.
     """
     plan = plan_of(config)
     clock = MonotonicClock()

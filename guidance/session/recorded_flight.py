@@ -40,7 +40,7 @@ def fly_recorded(
         onlooker: Who watches, and gives orders.
 
     Raises:
-        GuidanceError: For everything that the user can mend.
+        GuidanceError: For everything that the user can fix.
     """
     if isinstance(scenario, Scenario):
         require_policies(scenario, beside_vehicle=how.way == "vehicle")

@@ -16,7 +16,7 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     """Open the vehicle at a URL, to be judged by what a scenario asks of it.
 
     Raises:
-        GuidanceError: For everything that the user can mend.
+        GuidanceError: For everything that the user can fix.
     """
     clock = MonotonicClock()
     with closing(World()) as world:

@@ -58,7 +58,7 @@ def run_vehicle(path: Path, config: Config) -> bool:
         config: Its content.
 
     Raises:
-        GuidanceError: For everything that the user can mend.
+        GuidanceError: For everything that the user can fix.
     """
     plan = plan_of(config)
     require_pursuer(config.game.policy, with_target=config.game.target is not None)

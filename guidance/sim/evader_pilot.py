@@ -48,22 +48,22 @@ class EvaderPilot:
         self.vehicle = VehicleState()
         self.ready = False
         self.position_game_m: Enu | None = None
-        self._told: tuple[Home | None, Origin | None, GameFrame | None] = (None, None, None)
+        self._placed: tuple[Home | None, Origin | None, GameFrame | None] = (None, None, None)
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Enu], *, playing: bool) -> None:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
         self.vehicle = observe(self.vehicle, self.link.receive())
         home = self.vehicle.latest.get(Home)
         origin = self.vehicle.latest.get(Origin)
-        if (home, origin) != self._told[:2]:
+        if (home, origin) != self._placed[:2]:
             frame = local_frame(self.vehicle, ROVER.projection)
-            self._told = (
+            self._placed = (
                 home,
                 origin,
                 None if frame is None else GameFrame(frame.ned_from_wgs84(*self._site)),
             )
         local = self.vehicle.latest.get(LocalPosition)
-        game_frame = self._told[2]
+        game_frame = self._placed[2]
         position = self.position_game_m = (
             None
             if game_frame is None or local is None

@@ -17,7 +17,7 @@ from guidance.errors import ConfigError
 from guidance.files import text_of
 from guidance.log.codec import plain
 from guidance.log.entries import OUTCOME
-from guidance.screen import console, sheet
+from guidance.screen import as_table, console
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import WIND_WORDS
 from guidance.sweeps.axes import Array
@@ -380,8 +380,8 @@ def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
     rows = [tuple(map(cell, row)) for row in _valued(compared)]
     numbers = [row for row in rows if row[3] != "-"]
     texts = [row[:3] for row in rows if row[3] == "-"]
-    yield sheet(("column", "A", "B", "B − A"), numbers)
-    yield sheet(("column", "A", "B"), texts, left=range(3), title=" ")
+    yield as_table(("column", "A", "B", "B − A"), numbers)
+    yield as_table(("column", "A", "B"), texts, left=range(3), title=" ")
 
 
 def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
@@ -396,7 +396,7 @@ def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
         rows = []
         for name, a, b, difference in _valued(group["columns"]):
             rows.append((name, cell(a, 4), cell(b, 4), spread(difference)))
-        yield sheet(("mean of", "A", "B", "B − A (95 %)"), rows)
+        yield as_table(("mean of", "A", "B", "B − A (95 %)"), rows)
     largest = compared["largest"]
     if largest:
         column = largest[0]["column"]
@@ -407,7 +407,7 @@ def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
             ends = _both(row, "end_")
             values = [cell(row[key]) for key in ("a", "b", "difference")]
             cells.append((numbers, ends, *values))
-        yield sheet(("row", "end", "A", "B", "B − A"), cells, left=(0, 1))
+        yield as_table(("row", "end", "A", "B", "B − A"), cells, left=(0, 1))
 
 
 def _both(values: Mapping[str, Any], prefix: str) -> str:

@@ -16,7 +16,7 @@ from rich.console import Console
 
 from guidance.files import private_folder, writing
 from guidance.log.codec import plain
-from guidance.screen import console, sheet
+from guidance.screen import as_table, console
 from guidance.sweeps.axes import Array, Axis
 from guidance.sweeps.compare import Interval, cell, finite_numbers, mean, spread, success_share
 from guidance.sweeps.drawing import Key, draw_all, key_label
@@ -310,15 +310,15 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
         ends.append((_names(policies), games, captured, other_ends))
         regrets.append((_names(policies), *_regret(policies, _SHOWN)))
     end_headings = ("policies", "games", "captured", "other ends")
-    target.print(sheet(end_headings, ends, left=(0, 3)))
+    target.print(as_table(end_headings, ends, left=(0, 3)))
     target.print()
-    target.print(sheet(("policies", "mean regret", *_SHOWN), regrets))
+    target.print(as_table(("policies", "mean regret", *_SHOWN), regrets))
     for policies in report["policies"]:
         for title, headings, rows in _by_key(policies, grid):
             target.print(f"\n{_names(policies)}{title}", style="italic")
             if len({row[1:] for row in rows}) == 1:
                 rows = [("all", *rows[0][1:])]  # noqa: PLW2901 - equal rows are shown once
-            target.print(sheet(("", *headings), rows, left=()))
+            target.print(as_table(("", *headings), rows, left=()))
     for invalid in report["invalid"]:
         example = f"as row {invalid['row']}: {invalid['reason']}"
         target.print(

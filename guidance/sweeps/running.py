@@ -112,9 +112,9 @@ def cluster_client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no 
         with uncollected():
             client = Client(scheduler, timeout=CONNECT_S)
     except TypeError as error:  # raised by Dask without certificates
-        mend = "name its files in Dask's configuration, distributed.comm.tls ca-file, client.cert and client.key"
+        remedy = "name its files in Dask's configuration, distributed.comm.tls ca-file, client.cert and client.key"
         raise ConfigError(
-            f"--scheduler {scheduler}: TLS needs a certificate; {mend} ({error})"
+            f"--scheduler {scheduler}: TLS needs a certificate; {remedy} ({error})"
         ) from error
     except (OSError, ValueError, AssertionError) as error:
         reason = str(error)
@@ -162,9 +162,9 @@ def finish(
             try:
                 _play_in_processes(folder, on_kept, size, start)
             except (CancelledError, OSError, TimeoutError) as error:
-                mend = "earlier rows are kept: run the same command to continue"
+                remedy = "earlier rows are kept: run the same command to continue"
                 raise LinkError(
-                    f"--scheduler {scheduler}: the Dask scheduler stopped answering ({type(error).__name__}); {mend}"
+                    f"--scheduler {scheduler}: the Dask scheduler stopped answering ({type(error).__name__}); {remedy}"
                 ) from error
     elif workers > 1:
         spawn = {"mp_context": multiprocessing.get_context("spawn"), "initializer": _begin_worker}
@@ -218,9 +218,9 @@ def _content(future: Future[ChunkMade], chunk: int) -> bytes:
     try:
         chunk_made = future.result()
     except (ModuleNotFoundError, AttributeError) as error:
-        mend = "install this version of pursuit-guidance there"
+        remedy = "install this version of pursuit-guidance there"
         raise ConfigError(
-            f"--scheduler: a worker lacks a package or a part of it ({error}); {mend}"
+            f"--scheduler: a worker lacks a package or a part of it ({error}); {remedy}"
         ) from error
     except Exception as error:
         if type(error).__name__ == "KilledWorker":  # Dask's

@@ -33,7 +33,7 @@ SILENT_S: Final = 1.0
 MOST_TERMS: Final = 1000
 """A message may be so many elections ahead of what was heard; there is at most one a second."""
 
-TOLD_EVERY_S: Final = 10.0
+NOTE_EVERY_S: Final = 10.0
 """Least time between two notes about refused messages in one mate's name."""
 
 DISPUTED_AGE_S: Final = 5.0
@@ -156,10 +156,10 @@ class Board:
         if mate is None or reason in _ORDINARY:
             return
         if reason == TWO_SENDERS:
-            if now_s - mate.disputed_s >= TOLD_EVERY_S:
+            if now_s - mate.disputed_s >= NOTE_EVERY_S:
                 mate.disputed_s = now_s
                 self.news.append(f"{name}: two senders speak in its name; it counts as silent")
-        elif now_s - mate.refused_s >= TOLD_EVERY_S:
+        elif now_s - mate.refused_s >= NOTE_EVERY_S:
             mate.refused_s = now_s
             self.news.append(f"{name}: a message in its name was refused ({reason})")
 

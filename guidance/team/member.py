@@ -83,7 +83,7 @@ class Member:
         self.coordinator = Coordinator(self.board, self._epoch, self._slot_m)
         self._noted: RolesMessage | None = None
         self._seq = 0
-        self._told_s = -math.inf
+        self._sent_s = -math.inf
         self._heard_s = dict[str, float]()
         self._reports = dict[str, EvaderReport]()
 
@@ -189,8 +189,8 @@ class Member:
         )
         if has_ended and flight.observed.role is not None:
             self.board.close((flight.observed.role.evader,), now_s)
-        if now_s - self._told_s >= EVERY_S - ROUNDING_S:
-            self._told_s = now_s
+        if now_s - self._sent_s >= EVERY_S - ROUNDING_S:
+            self._sent_s = now_s
             self._publish(flight, outputs)
         elif not has_ended:
             return

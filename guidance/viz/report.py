@@ -39,15 +39,15 @@ from guidance.viz.figures import (
     legend_beside,
     thinned,
 )
-from guidance.viz.story import (
-    Story,
+from guidance.viz.history import (
+    FlightHistory,
     TableRow,
-    TeamStory,
+    TeamHistory,
+    history_of,
     opening_words,
-    story_of,
     summary,
+    team_history,
     team_opening_words,
-    team_story,
     team_summary,
 )
 
@@ -76,9 +76,9 @@ Drawn = Iterable[tuple[str, Figure]]
 _SHADES = ("0.96", "0.86", "0.91", "0.82")
 
 
-def draw_tracks(story: Story) -> Figure:
+def draw_tracks(history: FlightHistory) -> Figure:
     """Draw the flight in space, from above, and from above with the whole fence."""
-    return figures.chase_figure(shapes_of(story), story.flight.fence_m, with_whole_fence=True)
+    return figures.chase_figure(shapes_of(history), history.flight.fence_m, with_whole_fence=True)
 
 
 def draw_flight(record: Path, path: Path, title: str) -> None:
@@ -88,21 +88,21 @@ def draw_flight(record: Path, path: Path, title: str) -> None:
         ConfigError: If the record cannot be read.
         OutputError: If the file cannot be written.
     """
-    story = story_of(record)
-    figure = figures.chase_figure(shapes_of(story), story.flight.fence_m)
+    history = history_of(record)
+    figure = figures.chase_figure(shapes_of(history), history.flight.fence_m)
     figure.suptitle(title)
     figures.save(figure, path)
 
 
-def shapes_of(story: Story) -> list[Shape]:
+def shapes_of(history: FlightHistory) -> list[Shape]:
     """Return the shapes of a recorded flight."""
-    settings = story.settings.cycle
-    engaged = story.engaged
-    captured = story.captured
-    begin = len(story.cycles) if engaged is None else engaged.number
-    end = begin + len(story.game)
-    pursuer = story.column("pursuer_m")
-    evader = story.column("evader_m")
+    settings = history.settings.cycle
+    engaged = history.engaged
+    captured = history.captured
+    begin = len(history.cycles) if engaged is None else engaged.number
+    end = begin + len(history.game)
+    pursuer = history.column("pursuer_m")
+    evader = history.column("evader_m")
     before = Shape(pursuer[:begin], figures.BEFORE, "pursuer before and after")
     after = Shape(pursuer[end:], figures.BEFORE, "pursuer before and after")
     shapes = [before, after]
@@ -110,7 +110,7 @@ def shapes_of(story: Story) -> list[Shape]:
     if engaged is not None and not engaged.certificate.no_game:
         curve = isochron_at(settings, engaged.certificate)
         meeting_m = engaged.certificate.meeting_point_game_m
-        shapes += figures.promise_of(curve, meeting_m, with_target=story.with_target)
+        shapes += figures.promise_of(curve, meeting_m, with_target=history.with_target)
     if captured is not None and not captured.certificate.no_game:
         curve = lifted(isochron_at(settings, captured.certificate), 0.0)
         shapes.append(Shape(curve, figures.ISOCHRON_LATER, "isochron at capture", is_framed=False))
@@ -121,15 +121,15 @@ def shapes_of(story: Story) -> list[Shape]:
     return shapes
 
 
-def draw_game(story: Story) -> Figure:
+def draw_game(history: FlightHistory) -> Figure:
     """Draw range, time to go and guarantee: t + time needed never rises in PE, and L never falls in TAD."""
 
     def column(name: str) -> Array:
-        return story.column(name)[playing_span(story)]
+        return history.column(name)[playing_span(history)]
 
     now_s = column("now_s")
     needed_s = column("time_needed_s")
-    engaged_s = now_s[0] if story.engaged is None else story.engaged.now_s
+    engaged_s = now_s[0] if history.engaged is None else history.engaged.now_s
     since_s = now_s - engaged_s
     game_style = EVADER | {"linewidth": 0.9}
     own_style = PURSUER | {"linewidth": 0.9}
@@ -139,7 +139,7 @@ def draw_game(story: Story) -> Figure:
         ("time to go, s", now_s, column("meeting_time_s"), EVADER, "the game's pursuer"),
         ("time to go, s", now_s, needed_s, PURSUER, "this vehicle"),
     ]
-    if story.with_target:
+    if history.with_target:
         panel = "guarantee L, m"
         own_m = column("assured_distance_m")
         lines += [
@@ -154,32 +154,32 @@ def draw_game(story: Story) -> Figure:
             (panel, now_s, game_s, game_style, "V + t, the game's\npursuer"),
             (panel, now_s, own_s, own_style, "time of capture,\nthis vehicle"),
         ]
-    figure, axes = over_time(story, 7.0, lines)
+    figure, axes = over_time(history, 7.0, lines)
     axes[0].axhline(0.0, color="0.0", linewidth=0.6)
-    _draw_promise(axes[2], story)
+    _draw_promise(axes[2], history)
     legend_beside(axes[2])
     return figure
 
 
-def _draw_promise(axes: Any, story: Story) -> None:  # noqa: ANN401
+def _draw_promise(axes: Any, history: FlightHistory) -> None:  # noqa: ANN401
     """Draw what was promised at engagement, and the alarms."""
-    if story.engaged is not None:
-        engaged = story.engaged.certificate
-        promised = engaged.assured_distance_m if story.with_target else engaged.time_needed_s
+    if history.engaged is not None:
+        engaged = history.engaged.certificate
+        promised = engaged.assured_distance_m if history.with_target else engaged.time_needed_s
         dotted = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
         axes.axhline(promised, **dotted, label="promised at engagement")
     alarm_style = MARK | {"color": "0.0", "linestyle": "-"}
     label: str | None = "alarm"
-    for alarm_s, _ in story.alarms:
+    for alarm_s, _ in history.alarms:
         axes.axvline(alarm_s, **alarm_style, label=label)
         label = None
 
 
-def draw_velocities(story: Story) -> Figure:
+def draw_velocities(history: FlightHistory) -> Figure:
     """Draw the flown, commanded and desired velocity, by axis."""
-    span = playing_span(story)
+    span = playing_span(history)
     lines = list[PlottedLine]()
-    now_s = thinned(story.column("now_s")[span])
+    now_s = thinned(history.column("now_s")[span])
     thin = {"linewidth": 1.1}
     curves = (
         ("flown_ned_m_s", {"color": "0.55", "linewidth": 2.2}, "flown"),
@@ -187,25 +187,25 @@ def draw_velocities(story: Story) -> Figure:
         ("desired_ned_m_s", EVADER | thin, "wanted by the game"),
     )
     for name, style, label in curves:
-        north_m_s, east_m_s, down_m_s = thinned(story.column(name)[span]).T
+        north_m_s, east_m_s, down_m_s = thinned(history.column(name)[span]).T
         lines.append(("velocity north, m/s", now_s, north_m_s, style, label))
         lines.append(("velocity east, m/s", now_s, east_m_s, style, None))
         lines.append(("velocity down, m/s", now_s, down_m_s, style, None))
-    figure, _ = over_time(story, 7.0, lines)
+    figure, _ = over_time(history, 7.0, lines)
     return figure
 
 
-def draw_ages(story: Story) -> Figure:
+def draw_ages(history: FlightHistory) -> Figure:
     """Draw ages of data, round-trip times and the loop's delays."""
-    now_s = story.column("now_s")
+    now_s = history.column("now_s")
 
     def worst(panel: str, name: str, style: Style, label: str) -> PlottedLine:
-        seconds, worst_s = worst_of_each_second(now_s, story.column(name))
+        seconds, worst_s = worst_of_each_second(now_s, history.column(name))
         steps = style | {"drawstyle": "steps-post"}
         return panel, seconds, 1e3 * worst_s, steps, label
 
     dots: Style = {"color": "k", "marker": ".", "linestyle": "none", "markersize": 4}
-    round_trip_ms = 1e3 * story.column("round_trip_s")
+    round_trip_ms = 1e3 * history.column("round_trip_s")
     age = "oldest in each\nsecond, ms"
     loop = "loop, longest in\neach second, ms"
     lines: list[PlottedLine] = [
@@ -215,7 +215,7 @@ def draw_ages(story: Story) -> Figure:
         worst(loop, "late_s", PURSUER, "began late by"),
         worst(loop, "worked_s", EVADER, "worked for"),
     ]
-    figure, axes = over_time(story, 6.4, lines)
+    figure, axes = over_time(history, 6.4, lines)
     for panel_axes in axes:
         low, high = panel_axes.get_ylim()
         panel_axes.set_ylim(min(0.0, low), max(high, 1.0))
@@ -223,7 +223,7 @@ def draw_ages(story: Story) -> Figure:
 
 
 def over_time(
-    story: Story, height: float, lines: Sequence[PlottedLine]
+    history: FlightHistory, height: float, lines: Sequence[PlottedLine]
 ) -> tuple[Figure, list[Any]]:
     """Draw panels of lines over time, mark engagement and capture; return the figure and the axes."""
     figure = figures.figure_of(11.0, height)
@@ -244,7 +244,7 @@ def over_time(
         "va": "bottom",
         "fontsize": 9,
     }
-    for name, moment in (("engaged", story.engaged), ("captured", story.captured)):
+    for name, moment in (("engaged", history.engaged), ("captured", history.captured)):
         if moment is not None:
             axes[0].text(moment.now_s, 1.01, name, **above)
             for panel_axes in axes:
@@ -252,14 +252,14 @@ def over_time(
     return figure, axes
 
 
-def draw_events(story: Story) -> Figure:
+def draw_events(history: FlightHistory) -> Figure:
     """Draw the states as a band with the events below."""
-    events = story.events[:_MOST_EVENTS]
+    events = history.events[:_MOST_EVENTS]
     figure = figures.figure_of(11.0, 1.4 + 0.27 * len(events))
     axes = figure.subplots()
-    now_s = story.column("now_s")
+    now_s = history.column("now_s")
     # The time of each state has a shade.
-    states = np.array([row.state for row in story.rows])
+    states = np.array([row.state for row in history.rows])
     is_change = states[1:] != states[:-1]
     changes = 1 + np.flatnonzero(is_change)
     bounds = [0, *changes, len(now_s) - 1]
@@ -284,14 +284,14 @@ def draw_events(story: Story) -> Figure:
     axes.set(xlabel="time, s", ylim=(len(events) - 0.4, -0.6), yticks=[])
     axes.margins(x=0.02)
     title = "shades: the flight's states"
-    unlabelled = len(story.events) - len(events)
+    unlabelled = len(history.events) - len(events)
     if unlabelled:
         title += f"; {unlabelled} later events are not shown"
     axes.set_title(title, fontsize=9)
     return figure
 
 
-def draw_plan(team: TeamStory) -> Figure:
+def draw_plan(team: TeamHistory) -> Figure:
     """Draw all vehicles and evaders from above."""
     figure = figures.figure_of(10.0, 7.5)
     axes: Any = figure.subplots()
@@ -339,42 +339,42 @@ def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
     return seconds, np.maximum.reduceat(values[is_finite], starts)
 
 
-def playing_span(story: Story) -> slice:
+def playing_span(history: FlightHistory) -> slice:
     """The cycles from just before the game to just after the capture; all cycles without a game."""
-    if not story.game:
+    if not history.game:
         return slice(None)
-    before = story.game[0].number - _MARGIN_CYCLES
-    after = story.game[-1].number + _MARGIN_CYCLES
-    return slice(max(0, before), min(len(story.cycles), after))
+    before = history.game[0].number - _MARGIN_CYCLES
+    after = history.game[-1].number + _MARGIN_CYCLES
+    return slice(max(0, before), min(len(history.cycles), after))
 
 
-def write_animation(story: Story, path: Path) -> None:
+def write_animation(history: FlightHistory, path: Path) -> None:
     """Write the game as a moving picture, WebP: from above, and the height over the distance to the evader.
 
     Raises:
         OSError: If the file cannot be written.
     """
-    span = playing_span(story)
-    now_s = story.column("now_s")
+    span = playing_span(history)
+    now_s = history.column("now_s")
     record_end_s = now_s[-1]
-    engaged_s = record_end_s if story.engaged is None else story.engaged.now_s
-    captured_s = record_end_s if story.captured is None else story.captured.now_s
+    engaged_s = record_end_s if history.engaged is None else history.engaged.now_s
+    captured_s = record_end_s if history.captured is None else history.captured.now_s
     cycles = np.flatnonzero(now_s <= captured_s + _TAIL_S)[span]
-    pursuer_m = story.column("pursuer_m")[cycles]
-    evader_m = story.column("evader_m")[cycles]
+    pursuer_m = history.column("pursuer_m")[cycles]
+    evader_m = history.column("evader_m")[cycles]
     apart_m = pursuer_m - evader_m
     distance_m = np.linalg.norm(apart_m[:, :2], axis=-1)
     height = np.column_stack([distance_m, apart_m[:, 2]])
     tracks = _MovingTracks(pursuer_m, evader_m, height)
     largest_m = np.nan_to_num(tracks.height).max(axis=0)
-    stage = _stage(story, np.maximum(1.0, largest_m))
+    stage = _stage(history, np.maximum(1.0, largest_m))
     images = []
     numbers = np.linspace(0, len(cycles) - 1, FRAMES).round().astype(int)
     frames = np.unique(numbers).tolist()
     for number in counted(frames, "drawing the moving picture", len(frames)):
         played_s = max(0.0, now_s[cycles[number]] - engaged_s)
-        images.append(_frame(stage, story, tracks, number, played_s))
-    _save_moving(images, path, story.survey.metadata.get(SCENARIO, ""))
+        images.append(_frame(stage, history, tracks, number, played_s))
+    _save_moving(images, path, history.survey.metadata.get(SCENARIO, ""))
 
 
 class _MovingTracks(NamedTuple):
@@ -403,9 +403,9 @@ class _Stage(NamedTuple):
     title: Text
 
 
-def _stage(story: Story, most_m: Array) -> _Stage:
+def _stage(history: FlightHistory, most_m: Array) -> _Stage:
     """Draw what does not move; `most_m` are the largest distance and height."""
-    shapes = shapes_of(story)
+    shapes = shapes_of(history)
     far_m, high_m = most_m
     figure = figures.figure_of(8.0, 4.4)
     figure.set_dpi(90)
@@ -420,8 +420,8 @@ def _stage(story: Story, most_m: Array) -> _Stage:
     side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
     side.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
     side.plot(
-        [0.0, story.settings.cycle.game.standoff.radius_m],
-        [story.settings.cycle.game.standoff.height_m] * 2,
+        [0.0, history.settings.cycle.game.standoff.radius_m],
+        [history.settings.cycle.game.standoff.height_m] * 2,
         **STANDOFF,
     )
     side.grid(visible=True, linewidth=0.3)
@@ -441,17 +441,17 @@ def _stage(story: Story, most_m: Array) -> _Stage:
 
 
 def _frame(
-    stage: _Stage, story: Story, tracks: _MovingTracks, number: int, played_s: float
+    stage: _Stage, history: FlightHistory, tracks: _MovingTracks, number: int, played_s: float
 ) -> Image.Image:
     """Draw one picture of those that move."""
     for run, mark, track in zip(stage.runs, stage.marks, tracks, strict=True):
         points = track[: number + 1, :2]
         run.set_data(*points.T)
         mark.set_data(*points[-1:].T)
-    radius_m = story.settings.cycle.game.standoff.radius_m
+    radius_m = history.settings.cycle.game.standoff.radius_m
     disc = circle(tracks.evader_m[number], radius_m, 49)
     stage.rim.set_data(*disc.T)
-    stage.title.set_text(f"{story.title}: {played_s:.1f} s")
+    stage.title.set_text(f"{history.title}: {played_s:.1f} s")
     canvas = cast("FigureCanvasAgg", stage.figure.canvas)
     canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())
@@ -497,16 +497,16 @@ def write_report(path: Path, folder: Path, *, animate: bool = False) -> list[Pat
         ConfigError: If the record cannot be read.
         OutputError: If the folder cannot be written, or contains the report of another record.
     """
-    story = story_of(path)
-    drawn = ((name, draw(story)) for name, draw in PICTURES.items())
-    words = opening_words(story)
-    rows = summary(story)
-    written = write_page(folder, [story], drawn, words, rows)
+    history = history_of(path)
+    drawn = ((name, draw(history)) for name, draw in PICTURES.items())
+    words = opening_words(history)
+    rows = summary(history)
+    written = write_page(folder, [history], drawn, words, rows)
     if animate:
         moving_picture = folder / "flight.webp"
         written.append(moving_picture)
         with writing(folder), whole_file(moving_picture) as unfinished:
-            write_animation(story, unfinished)
+            write_animation(history, unfinished)
     return written
 
 
@@ -517,7 +517,7 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
         ConfigError: If a record cannot be read, or is not of a team.
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
-    team = team_story(records)
+    team = team_history(records)
     flights = list(team.flights.values())
     drawn = [("plan", draw_plan(team))]
     words = team_opening_words(team)
@@ -526,7 +526,11 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
 
 
 def write_page(
-    folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Iterable[TableRow]
+    folder: Path,
+    flights: Sequence[FlightHistory],
+    drawn: Drawn,
+    words: str,
+    rows: Iterable[TableRow],
 ) -> list[Path]:
     """Write a page and its pictures; return the files, the page first.
 
@@ -578,7 +582,7 @@ def write_page(
     return written
 
 
-def _mark(flight: Story) -> str:
+def _mark(flight: FlightHistory) -> str:
     """Return the line of a page that says which record it reports."""
     survey = flight.survey
     length = f"{survey.messages.total()} messages, {survey.duration_s:.3f} s"

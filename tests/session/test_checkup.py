@@ -126,7 +126,7 @@ def test_a_wrong_autopilot_is_the_only_row_at_the_time_limit(vehicle_document, c
 
 def test_what_is_waited_for_is_told(world):
     told = []
-    world("px4").checkup.rows(told=told.append)
+    world("px4").checkup.rows(report=told.append)
     assert "HOME_POSITION" in told[0]
     assert "parameters" in told[0]
     assert told[-1] == ""

@@ -18,8 +18,8 @@ from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
 from guidance.viz import report
+from guidance.viz.history import captures_of, team_history, team_opening_words, team_summary
 from guidance.viz.panel.snapshot import replay_of
-from guidance.viz.story import captures_of, team_opening_words, team_story, team_summary
 from tests.harness.flights import low_team
 from tests.harness.witness import Witness
 from tests.team.lossy import LossyNetwork
@@ -50,10 +50,10 @@ def test_an_output_from_outside_sees_every_vehicle_of_a_team(guard):
 
 
 @pytest.fixture(scope="module")
-def story(guard):
+def history(guard):
     """Return what the vehicles' records tell together."""
     flown, folder, _ = guard
-    return team_story({name: folder / name / "record.mcap" for name in flown.vehicles})
+    return team_history({name: folder / name / "record.mcap" for name in flown.vehicles})
 
 
 @pytest.mark.flight
@@ -105,34 +105,40 @@ def test_one_vehicle_coordinates_and_no_promise_is_lost_without_a_cause(guard):
 
 
 @pytest.mark.flight
-def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard, story):
+def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard, history):
     flown, folder, _ = guard
     for pursuit in pursuits_of_team(GUARD):
         path = folder / pursuit.vehicle / "record.mcap"
         rows = list(cycles_of(path))
         assert any(row.inputs.mates for row in rows)
         assert [row.inputs.role.evader for row in rows if row.inputs.role is not None]
-        comparison = story.replays[pursuit.vehicle]
+        comparison = history.replays[pursuit.vehicle]
         sent = flown.vehicles[pursuit.vehicle].setpoints_sent
         assert (comparison.differing, comparison.setpoints) == (0, sent)
 
 
 @pytest.mark.flight
-def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path, monkeypatch):
+def test_one_report_tells_the_flight_of_the_whole_team(guard, history, tmp_path, monkeypatch):
     flown, folder, _ = guard
-    assert story.evaders == ["rover1", "rover2"]
+    assert history.evaders == ["rover1", "rover2"]
     for name, evader in flown.evaders.items():
-        capture = story.captures[name]
+        capture = history.captures[name]
         assert (capture.vehicle, capture.now_s) == (evader.capture.vehicle, evader.capture.now_s)
-        assert "; kept: " in story.verdict(name)
-    assert [name for name, _ in team_summary(story)] == ["uav1", "uav2", "uav3", "rover1", "rover2"]
-    words = team_opening_words(story)
+        assert "; kept: " in history.verdict(name)
+    assert [name for name, _ in team_summary(history)] == [
+        "uav1",
+        "uav2",
+        "uav3",
+        "rover1",
+        "rover2",
+    ]
+    words = team_opening_words(history)
     assert "promised 2 captures; 2 promises were kept" in words
     assert f"{flown.least_distance_m(3.0):.1f} m apart" in words
     assert "replays bit for bit" in words
     records = {name: folder / name / "record.mcap" for name in flown.vehicles}
     told = []
-    monkeypatch.setattr(report, "team_story", lambda paths: told.append(paths) or story)
+    monkeypatch.setattr(report, "team_story", lambda paths: told.append(paths) or history)
     page, picture = report.write_team_report(records, tmp_path)
     assert told == [records]
     assert picture.name == "plan.png"
@@ -159,9 +165,9 @@ def test_the_replay_of_one_vehicle_has_all_vehicles_of_the_flight(guard, tmp_pat
 
 
 @pytest.mark.flight
-def test_a_broken_promise_is_told_with_its_cause(story):
-    lost = story.promised["rover1"].model_copy(update={"cause": "vehicle lost"})
-    missed = story._replace(captures={}, promised={"rover1": lost})
+def test_a_broken_promise_is_told_with_its_cause(history):
+    lost = history.promised["rover1"].model_copy(update={"cause": "vehicle lost"})
+    missed = history._replace(captures={}, promised={"rover1": lost})
     assert missed.verdict("rover1").endswith("not captured; broken: vehicle lost")
     assert missed.verdict("rover2") == "no capture could be promised; not captured"
 
@@ -250,24 +256,24 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
 
 
 @pytest.mark.flight
-def test_terminal_and_report_have_one_distance_to_a_targets_shape_and_one_captor(guard, story):
+def test_terminal_and_report_have_one_distance_to_a_targets_shape_and_one_captor(guard, history):
     flown, _, _ = guard
     cycle = flown.vehicles["uav1"].cycle
     assert cycle.game.target_extent.radius_m == 6.0
     names = list(flown.vehicles)
-    for row, evader in zip(team_rows(GUARD, "fast", flown), story.evaders, strict=True):
-        capture = story.captures[evader]
+    for row, evader in zip(team_rows(GUARD, "fast", flown), history.evaders, strict=True):
+        capture = history.captures[evader]
         assert capture.vehicle == names[row.captor]
         assert distance_to_target_m(cycle, capture.evader_m) == row.evader_to_target_m
-        assert f"{row.evader_to_target_m:.1f} m from the target" in story.verdict(evader)
+        assert f"{row.evader_to_target_m:.1f} m from the target" in history.verdict(evader)
         apart_m = math.hypot(*capture.evader_m[:2])
         assert row.evader_to_target_m == pytest.approx(apart_m - 6.0, abs=1e-9)
 
 
 @pytest.mark.flight
-def test_the_first_capture_of_an_evader_counts_whichever_record_is_read_first(story):
-    first = story.captures["rover1"]
-    flight = story.flights[first.vehicle]
+def test_the_first_capture_of_an_evader_counts_whichever_record_is_read_first(history):
+    first = history.captures["rover1"]
+    flight = history.flights[first.vehicle]
     later = [event._replace(now_s=event.now_s + 2.0) for event in flight.events]
     late = flight._replace(events=later)
     captures = captures_of({"a": late, "b": flight})

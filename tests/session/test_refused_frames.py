@@ -5,7 +5,7 @@ import pytest
 from guidance.flight import State
 from guidance.links.wires.udp import AddressPins
 from guidance.log.entries import LINK_NEWS
-from guidance.session.observe.refused import TOLD_EVERY_S, RefusedFrames
+from guidance.session.observe.refused import LOG_EVERY_S, RefusedFrames
 from tests.session.test_other_heartbeats import COMPANION, heartbeat
 
 pytestmark = pytest.mark.flight
@@ -36,4 +36,4 @@ def test_impostors_are_counted_for_the_system_whose_id_they_have():
     words = "frames in the vehicle's name were refused: 2 from another address"
     assert frames.note(1.0, {"impostors": pins.impostors_of[1]}) == words
     assert frames.note(2.0, {"impostors": 5}) == ""
-    assert frames.note(1.0 + TOLD_EVERY_S, {"impostors": 5}).endswith("3 from another address")
+    assert frames.note(1.0 + LOG_EVERY_S, {"impostors": 5}).endswith("3 from another address")

@@ -23,8 +23,8 @@ from guidance.log.writer import Recorder
 from guidance.messages import Home
 from guidance.session.fly.result import outcome_of_flight
 from guidance.viz import report as written
+from guidance.viz.history import history_of, opening_words, summary
 from guidance.viz.report import PICTURES, draw_tracks, write_report
-from guidance.viz.story import opening_words, story_of, summary
 from tests.harness.flights import NEAR
 
 VOID = {"meta", "link", "img", "br"}
@@ -83,8 +83,8 @@ def page_in(folder):
 
 @functools.cache
 def told(path):
-    """The story of a record. Read only."""
-    return story_of(path)
+    """The history of a record. Read only."""
+    return history_of(path)
 
 
 def looked_at(page, folder):
@@ -182,19 +182,20 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
     pe, tad, tmp_path
 ):
     for result, path, folder in (pe, tad):
-        story = told(path)
-        said = opening_words(story)
-        engaged = story.engaged.certificate
+        history = told(path)
+        said = opening_words(history)
+        engaged = history.engaged.certificate
         for words in (
-            result.scenario.title, "in virtual time", f"from {story.flight.vehicle.latest.get(Home).latitude_deg:.5f}°",
-            f"within {engaged.time_needed_s:.1f} s", f"after {story.game_lasted_s:.1f} s", "ended landed",
+            result.scenario.title, "in virtual time",
+            f"from {history.flight.vehicle.latest.get(Home).latitude_deg:.5f}°",
+            f"within {engaged.time_needed_s:.1f} s", f"after {history.game_lasted_s:.1f} s", "ended landed",
             "imit",
         ):  # fmt: skip
             assert words in said
         assert f"<p>{html.escape(said)}</p>" in page_in(folder)
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(pe[1].read_bytes()[:150_000])
-    assert "No game was played" in opening_words(story_of(torn))
+    assert "No game was played" in opening_words(history_of(torn))
 
 
 def test_the_picture_of_a_flight_is_drawn_also_of_one_that_never_engaged(pe, tad, tmp_path):
@@ -224,11 +225,11 @@ def test_a_flight_becomes_a_short_moving_picture(pe, tmp_path, monkeypatch):
 
 def test_the_tracks_are_those_that_were_flown(pe):
     result, path, _ = pe
-    story = told(path)
-    by_time = {round(cycle.now_s, 6): number for number, cycle in enumerate(story.cycles)}
+    history = told(path)
+    by_time = {round(cycle.now_s, 6): number for number, cycle in enumerate(history.cycles)}
     for sample in result.samples[::50]:
         # A sample is taken before the cycle has read
-        cycle = story.cycles[by_time[round(sample.now_s, 6)] - 1]
+        cycle = history.cycles[by_time[round(sample.now_s, 6)] - 1]
         assert cycle.pursuer_m == pytest.approx(sample.pursuer_m, abs=1e-9)
         if math.isfinite(cycle.evader_m[0]):
             # Estimated from reports against where it was: telemetry's noise and age lie between them.
@@ -237,7 +238,7 @@ def test_the_tracks_are_those_that_were_flown(pe):
 
 @functools.cache
 def drawn(path):
-    """Every figure of the story of a record. Read only."""
+    """Every figure of the history of a record. Read only."""
     draws = (draw_tracks, written.draw_game, written.draw_velocities, written.draw_ages)
     return [draw(told(path)) for draw in draws]
 
@@ -277,14 +278,14 @@ def test_without_colours_the_players_are_still_told_apart(pe):
 
 
 def test_the_guarantee_drawn_is_the_recorded_value_plus_time(pe):
-    story = told(pe[1])
+    history = told(pe[1])
     line = drawn(pe[1])[1].axes[2].lines[0]
-    engaged = story.cycles[story.engaged.number]
+    engaged = history.cycles[history.engaged.number]
     at = np.searchsorted(line.get_xdata(), engaged.now_s)
     assert line.get_ydata()[at] == pytest.approx(engaged.value)
     at = np.searchsorted(line.get_xdata(), engaged.now_s + 2.0)
     assert line.get_ydata()[at] == pytest.approx(
-        story.cycles[story.engaged.number + 100].value + 2.0, abs=0.05
+        history.cycles[history.engaged.number + 100].value + 2.0, abs=0.05
     )
 
 
@@ -303,7 +304,7 @@ def test_a_flight_that_never_engaged_or_was_torn_is_reported_too(pe, tmp_path):
     torn.write_bytes(pe[1].read_bytes()[:150_000])
     written = write_report(torn, tmp_path / "report")
     assert [path.name for path in written] == ["report.html", *(f"{name}.png" for name in PICTURES)]
-    rows = dict(summary(story_of(torn)))
+    rows = dict(summary(history_of(torn)))
     assert rows["outcome"].startswith("no game was played")
     assert rows["record"].startswith("torn (")
 

@@ -51,7 +51,7 @@ class OutputOrder(NamedTuple):
 
 
 OpenOutput = Callable[[OutputOrder], Sink | None]
-"""Opens an output; None if the vehicle file does not ask for it. Raises GuidanceError if the user can mend it."""
+"""Opens an output; None if the vehicle file does not ask for it. Raises GuidanceError if the user can fix it."""
 
 
 def _open_broadcast(order: OutputOrder) -> Sink | None:
@@ -115,7 +115,7 @@ def open_outputs(order: OutputOrder, stack: ExitStack) -> list[Sink]:
     """Open all outputs of a vehicle; the stack closes them.
 
     Raises:
-        GuidanceError: For everything that the user can mend.
+        GuidanceError: For everything that the user can fix.
     """
     sinks = list[Sink]()
     for open_output in OUTPUTS.importable().values():

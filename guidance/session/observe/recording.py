@@ -164,5 +164,5 @@ class Recording:
         """A refusal if a required record has failed. In flight a failed record is only reported."""
         if self._record is None or self._record.failed is None or not self._required:
             return ()
-        mend = "free the disk, or have record.folder written by this user, or set record.required = false"
-        return (Finding("record", self._record.failed, "written", Verdict.REFUSE, mend),)
+        remedy = "free the disk, or have record.folder written by this user, or set record.required = false"
+        return (Finding("record", self._record.failed, "written", Verdict.REFUSE, remedy),)

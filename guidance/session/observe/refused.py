@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Final
 
-TOLD_EVERY_S: Final = 10.0
+LOG_EVERY_S: Final = 10.0
 """Least time between two notes."""
 
 _REASONS: Final[Mapping[str, str]] = {
@@ -33,18 +33,18 @@ class RefusedFrames:
     """Compares the link's counters with those of the last note."""
 
     def __init__(self) -> None:
-        self._told: Mapping[str, int] = {}
-        self._told_s = -math.inf
+        self._logged: Mapping[str, int] = {}
+        self._logged_s = -math.inf
 
     def note(self, now_s: float, counters: Mapping[str, int]) -> str:
         """Return what was refused since the last note; empty if nothing was, or if that note is recent."""
         counted = {name: counters.get(name, 0) for name in _REASONS}
-        grown = {name: count - self._told.get(name, 0) for name, count in counted.items()}
+        grown = {name: count - self._logged.get(name, 0) for name, count in counted.items()}
         kinds = [f"{grown[name]} {words}" for name, words in _REASONS.items() if grown[name] > 0]
-        if not kinds or now_s - self._told_s < TOLD_EVERY_S:
+        if not kinds or now_s - self._logged_s < LOG_EVERY_S:
             return ""
-        self._told = counted
-        self._told_s = now_s
+        self._logged = counted
+        self._logged_s = now_s
         return "frames in the vehicle's name were refused: " + ", ".join(kinds)
 
 

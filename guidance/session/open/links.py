@@ -242,7 +242,7 @@ def open_vehicle(
         Its world, the Zenoh session of its orders, and a daemon's equipment with mailbox, log and notifier.
 
     Raises:
-        GuidanceError: For everything that the user can mend.
+        GuidanceError: For everything that the user can fix.
     """
     mailbox = Mailbox()
     vehicle = config.vehicle

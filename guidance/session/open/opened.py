@@ -98,7 +98,7 @@ class Way(Protocol):
         """The kind of run in an outcome row."""
 
     def open(self, scenario: FlyableScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
-        """Open everything; the stack closes it. Raises GuidanceError for everything that the user can mend."""
+        """Open everything; the stack closes it. Raises GuidanceError for everything that the user can fix."""
 
     def left_out(self, scenario: FlyableScenario) -> Sequence[str]:
         """Name what of a scenario this way flies without."""

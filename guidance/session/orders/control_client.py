@@ -61,8 +61,8 @@ def join_session(
             f"there is no token in {path}" if token is None else f"the token in {path} was shown"
         )
         silence = f"no session within {timeout_s:g} s: no daemon is there, or it does not let us in ({token_words})"
-        mend = "is `guidance run` running, by the same user? --token-file says where another daemon's token lies"
-        raise LinkError(f"control {endpoint}: {silence}; {mend}") from error
+        remedy = "is `guidance run` running, by the same user? --token-file says where another daemon's token lies"
+        raise LinkError(f"control {endpoint}: {silence}; {remedy}") from error
 
 
 def ask(

@@ -319,8 +319,8 @@ def listening_socket(host: str, port: int) -> socket.socket:
             (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
         )
     except OSError as error:
-        mend = "choose another, or port 0 for a free one"
-        raise LinkError(f"--host {host} --port {port}: {error.strerror}; {mend}") from error
+        remedy = "choose another, or port 0 for a free one"
+        raise LinkError(f"--host {host} --port {port}: {error.strerror}; {remedy}") from error
 
 
 class Stranger(NamedTuple):

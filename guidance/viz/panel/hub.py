@@ -151,9 +151,9 @@ class DaemonBus:
                 f"{name} at {self.endpoint}: the order was not sent ({error})"
             ) from error
         if not answered:
-            mend = "repeat it, or take over by radio"
+            remedy = "repeat it, or take over by radio"
             raise LinkError(
-                f"{name} at {self.endpoint}: no answer within {ORDER_LIMIT_S:g} s; {mend}"
+                f"{name} at {self.endpoint}: no answer within {ORDER_LIMIT_S:g} s; {remedy}"
             )
         return answered
 
@@ -259,7 +259,7 @@ class DaemonView:
         self._heard_s = now_s
         self._fold: SnapshotFold | None = None
         self._over: Plain | None = None
-        self.told: Plain = {"status": {}}
+        self.latest: Plain = {"status": {}}
         self._sent = dict[str, Any]()
         self._unsent_events = 0  # nothing was sent: the next message is whole
         self._events: deque[Plain] = deque(maxlen=MAX_EVENTS)
@@ -273,7 +273,7 @@ class DaemonView:
         if isinstance(what, Unreadable):
             self._note_fault(what.words, news.at_s)
         elif isinstance(what, Mapping):
-            self.told = {"status": what, "operator": of_operator(what)}
+            self.latest = {"status": what, "operator": of_operator(what)}
             self._heard_s = news.at_s if self._fold is None else self._heard_s
         else:
             try:
@@ -300,7 +300,7 @@ class DaemonView:
 
     def fault(self, now_s: float) -> str:
         """Say what of the daemon's data cannot be used; empty if all of it can."""
-        status = self.told["status"]
+        status = self.latest["status"]
         if status and is_bad(status):
             return str(status["reason"])
         return self._unreadable if now_s - self._unreadable_s <= FAULT_SHOWN_S else ""
@@ -336,7 +336,7 @@ class DaemonView:
             is_first = not self._sent
             full = whole or is_first
             message = self._about(now_s)
-            parts = dict(self.told)
+            parts = dict(self.latest)
             fold = self._fold
             if fold is not None:
                 parts["scene"] = fold.scene
@@ -354,14 +354,14 @@ class DaemonView:
                 self._unsent_events = 0
             return _encoded(message)
         except _BAD_DATA:
-            self.told = {"status": {}}
+            self.latest = {"status": {}}
             self._fold = None
             self._rows.clear()
             self._events.clear()
             self._note_fault("a cycle or event of its flight", now_s)
             self.bus.forget(self.name)
             self._sent = {}
-            return _encoded(self._about(now_s) | self.told | {"snapshot": None, "events": []})
+            return _encoded(self._about(now_s) | self.latest | {"snapshot": None, "events": []})
 
     def _about(self, now_s: float) -> Plain:
         silent_s = max(0.0, now_s - self._heard_s)
@@ -431,7 +431,7 @@ class Hub:
             if key in self._left_out:
                 known = f"is shown, for there are {MAX_DAEMONS} already: use guidance ctl"
             raise LinkError(f"no daemon {key!r} {known}")
-        team_name = str(view.told["status"].get("team", "")) if team else ""
+        team_name = str(view.latest["status"].get("team", "")) if team else ""
         return view.bus.order(view.name, order, by, team_name)
 
     def note_operator(self, key: str) -> None:

@@ -1,6 +1,6 @@
-"""Reads records into arrays over the cycles of their flights, and tells them: a paragraph and a table. NaN is unknown.
+"""Reads records into arrays over the cycles of their flights, and sums them up in words and a table. NaN is unknown.
 
-A story is of one flight, or of the flights of a team.
+A history is of one flight, or of the flights of a team.
 """
 
 import math
@@ -38,7 +38,7 @@ class GameCycle(NamedTuple):
     certificate: Certificate
 
 
-class Story(NamedTuple):
+class FlightHistory(NamedTuple):
     """A flight, cycle by cycle.
 
     Attributes:
@@ -103,7 +103,7 @@ class Story(NamedTuple):
         return on_station_s - engaged_s
 
 
-def story_of(path: Path) -> Story:
+def history_of(path: Path) -> FlightHistory:
     """Read a record into arrays.
 
     Raises:
@@ -112,30 +112,32 @@ def story_of(path: Path) -> Story:
     metadata = metadata_of(path)
     survey = Survey()
     flight = Aggregator(recorded_settings, metadata, str(path))
-    story = Story(path, title_of(metadata), survey, flight.settings, flight, [], [], [], [], {})
+    history = FlightHistory(
+        path, title_of(metadata), survey, flight.settings, flight, [], [], [], [], {}
+    )
     for item in scan(path, survey):
         entry = flight.take(item)
         if isinstance(entry, EventEntry):
-            story.events.append(entry)
+            history.events.append(entry)
         elif entry is not None:
             if entry.certificate is not None:
-                number = len(story.rows)
-                story.game.append(GameCycle(number, entry.now_s, entry.certificate))
-            story.rows.append(entry)
-            story.cycles.append(flight.cycle)
+                number = len(history.rows)
+                history.game.append(GameCycle(number, entry.now_s, entry.certificate))
+            history.rows.append(entry)
+            history.cycles.append(flight.cycle)
             reported = {report.evader or "" for report in entry.inputs.reports}
             for name in reported & flight.evaders_m.keys():
-                track = story.evaders.setdefault(name, [])
+                track = history.evaders.setdefault(name, [])
                 track.append((entry.now_s, flight.evaders_m[name]))
-    if not story.cycles:
+    if not history.cycles:
         raise ConfigError(f"{path}: contains no guidance cycle, so there is nothing to report")
-    return story
+    return history
 
 
-def opening_words(story: Story) -> str:
+def opening_words(history: FlightHistory) -> str:
     """Return the report's first paragraph: vehicle, time and place, promise, outcome, limits."""
-    started = story.survey.metadata.get("started_utc", "")
-    home = story.flight.vehicle.latest.get(Home)
+    started = history.survey.metadata.get("started_utc", "")
+    home = history.flight.vehicle.latest.get(Home)
     when = "in virtual time"
     if started:
         date = started[:10]
@@ -144,31 +146,31 @@ def opening_words(story: Story) -> str:
     home_words = ""
     if home is not None:
         home_words = f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
-    vehicle = f"{story.title} ({story.settings.autopilot.name})"
-    opening_sentence = f"{vehicle} flew {when}{home_words} for {story.lasted_s:.0f} s."
+    vehicle = f"{history.title} ({history.settings.autopilot.name})"
+    opening_sentence = f"{vehicle} flew {when}{home_words} for {history.lasted_s:.0f} s."
     sentences = (
         opening_sentence,
-        _promise_sentence(story),
-        _happened(story),
-        _limits_sentence(story),
+        _promise_sentence(history),
+        _happened(history),
+        _limits_sentence(history),
     )
     return " ".join(filter(None, sentences))
 
 
-def _promise_sentence(story: Story) -> str:
+def _promise_sentence(history: FlightHistory) -> str:
     """Return the vehicle's promise at engagement."""
-    if story.engaged is None:
+    if history.engaged is None:
         return ""
-    engaged = story.engaged.certificate
-    standoff = story.settings.cycle.game.standoff
+    engaged = history.engaged.certificate
+    standoff = history.settings.cycle.game.standoff
     if engaged.no_game:
         return "At engagement nothing could be promised: the evader was too fast."
-    if story.with_target and not engaged.assured_distance_m >= 0.0:
+    if history.with_target and not engaged.assured_distance_m >= 0.0:
         return "At engagement it could not promise to keep the evader from its target."
     time_words = "without a time"
     if math.isfinite(engaged.time_needed_s):
         time_words = f"within {engaged.time_needed_s:.1f} s"
-    if story.with_target:
+    if history.with_target:
         condition = f", at least {engaged.assured_distance_m:.1f} m from the target"
     else:
         condition = " if the evader runs away from it"
@@ -176,32 +178,32 @@ def _promise_sentence(story: Story) -> str:
     return f"At engagement it promised to be {disc} {time_words}{condition}."
 
 
-def _happened(story: Story) -> str:
+def _happened(history: FlightHistory) -> str:
     """Say how the game and the flight ended."""
-    ending = f"the flight ended {story.rows[-1].state}"
-    if story.engaged is None:
+    ending = f"the flight ended {history.rows[-1].state}"
+    if history.engaged is None:
         return f"No game was played; {ending}."
-    if story.captured is None:
+    if history.captured is None:
         return f"It did not reach that place; {ending}."
-    lasted_s = story.game_lasted_s
-    needed_s = story.engaged.certificate.time_needed_s
+    lasted_s = history.game_lasted_s
+    needed_s = history.engaged.certificate.time_needed_s
     share_words = ""
     if needed_s > 0.0:
         share = lasted_s / needed_s
         share_words = f" ({share:.2f} of the promise)"
     distance_words = ""
-    if story.with_target:
-        away_m = _achieved_value(story, story.captured)
+    if history.with_target:
+        away_m = _achieved_value(history, history.captured)
         distance_words = f", with the evader {away_m:.1f} m from the target"
     return f"It was there after {lasted_s:.1f} s{share_words}{distance_words}; {ending}."
 
 
-def _limits_sentence(story: Story) -> str:
+def _limits_sentence(history: FlightHistory) -> str:
     """Say which limits changed the commands, and whether a promise was broken."""
     acting = Counter[str]()
-    for row in story.game:
+    for row in history.game:
         acting.update(row.certificate.active_limits)
-    cycles = len(story.game)
+    cycles = len(history.game)
     often = [
         f"{name} ({count / cycles:.0%} of the game)"
         for name, count in acting.most_common(3)
@@ -210,11 +212,11 @@ def _limits_sentence(story: Story) -> str:
     limits = "No limit changed its commands."
     if often:
         limits = f"Limits that changed its commands: {', '.join(often)}."
-    slowest_m_s = _slowest_m_s(story)
+    slowest_m_s = _slowest_m_s(history)
     speed_words = ""
     if not math.isnan(slowest_m_s):
         speed_words = f" It was seen to reach at least {slowest_m_s:.1f} m/s."
-    counts = Counter(alarm for _, alarm in story.alarms)
+    counts = Counter(alarm for _, alarm in history.alarms)
     alarms = "There was no alarm."
     if counts:
         kinds = ", ".join(f"{kind} ({count})" for kind, count in counts.items())
@@ -222,17 +224,17 @@ def _limits_sentence(story: Story) -> str:
     return f"{limits}{speed_words} {alarms}"
 
 
-def summary(story: Story) -> Iterator[TableRow]:
+def summary(history: FlightHistory) -> Iterator[TableRow]:
     """Yield the rows of the summary table."""
-    yield from _game_rows(story)
-    survey = story.survey
-    speeds_m_s = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
+    yield from _game_rows(history)
+    survey = history.survey
+    speeds_m_s = np.linalg.norm(history.column("flown_ned_m_s"), axis=-1)
     highest_m_s = _finite_extreme(max, speeds_m_s)
-    states = [row.state for row in story.rows]
+    states = [row.state for row in history.rows]
     is_playing = np.isin(states, [State.ENGAGED, State.PAUSED, State.ON_STATION])
-    heights_m = story.column("pursuer_m")[is_playing, 2]
+    heights_m = history.column("pursuer_m")[is_playing, 2]
     lowest_m = _finite_extreme(min, heights_m)
-    commanded_north_m_s = story.column("commanded_ned_m_s")[:, 0]
+    commanded_north_m_s = history.column("commanded_ned_m_s")[:, 0]
     setpoints = np.count_nonzero(np.isfinite(commanded_north_m_s))
     condition = ", ".join(survey.faults) if survey.faults else "whole"
     versions = [
@@ -240,49 +242,49 @@ def summary(story: Story) -> Iterator[TableRow]:
         for name, text in survey.metadata.items()
         if name not in {"scenario", "config", "seed"}
     ]
-    yield "record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"
+    yield "record lasts", f"{history.lasted_s:.1f} s, {len(history.cycles)} cycles"
     yield "setpoints sent", f"{setpoints}"
     yield "highest speed", f"{highest_m_s:.2f} m/s"
     yield "lowest height during the game", f"{lowest_m:.2f} m above the evader's plane"
-    yield "guarantee alarms", f"{len(story.alarms)}"
-    yield "age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))
-    yield "age of the evader's last report", _spread_ms(story.column("evader_age_s"))
-    yield "delay of cycles", _spread_ms(story.column("late_s"))
-    yield "working time of cycles", _spread_ms(story.column("worked_s"))
+    yield "guarantee alarms", f"{len(history.alarms)}"
+    yield "age of the vehicle's position", _spread_ms(history.column("telemetry_age_s"))
+    yield "age of the evader's last report", _spread_ms(history.column("evader_age_s"))
+    yield "delay of cycles", _spread_ms(history.column("late_s"))
+    yield "working time of cycles", _spread_ms(history.column("worked_s"))
     yield "events", f"{survey.messages[EVENT.topic]}"
     yield "record", f"{condition}, {survey.messages.total()} messages"
     yield "seed", survey.metadata.get("seed", "–")
     yield "made by", ", ".join(versions)
 
 
-def _game_rows(story: Story) -> Iterator[TableRow]:
-    cycle = story.settings.cycle
-    unit = "m from T" if story.with_target else "s"
+def _game_rows(history: FlightHistory) -> Iterator[TableRow]:
+    cycle = history.settings.cycle
+    unit = "m from T" if history.with_target else "s"
     disc = cycle.game.standoff
     standoff = f"{disc.radius_m:g} m around, {disc.height_m:g} m above the evader's plane"
     outcome = "no game was played"
-    if story.captured is not None:
+    if history.captured is not None:
         outcome = "captured"
-    elif story.engaged is not None:
+    elif history.engaged is not None:
         outcome = "not captured"
-    last_state = story.rows[-1].state
+    last_state = history.rows[-1].state
     yield "outcome", f"{outcome}; ended {last_state}"
-    yield "game", "target-attacker-defender" if story.with_target else "pursuit-evasion"
+    yield "game", "target-attacker-defender" if history.with_target else "pursuit-evasion"
     yield "policy", cycle.strategy.name
-    yield "autopilot", story.settings.autopilot.name
+    yield "autopilot", history.settings.autopilot.name
     yield "stand-off", standoff
-    if story.engaged is None:
+    if history.engaged is None:
         return
-    engaged = story.engaged.certificate
+    engaged = history.engaged.certificate
     value = float(predicted(cycle, engaged).value)
     yield "value predicted at engagement", f"{value:.2f} {unit}"
     yield "time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"
-    yield "speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"
-    if story.with_target:
+    yield "speed this vehicle reaches, slowest", f"{_slowest_m_s(history):.1f} m/s"
+    if history.with_target:
         yield "distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"
-    if story.captured is not None:
-        flown_path = _achieved_value(story, story.captured)
-        lasted_s = story.game_lasted_s
+    if history.captured is not None:
+        flown_path = _achieved_value(history, history.captured)
+        lasted_s = history.game_lasted_s
         yield "flown", f"{flown_path:.2f} {unit}"
         yield "flown / predicted", _ratio(flown_path, value)
         yield "game lasted", f"{lasted_s:.2f} s"
@@ -299,16 +301,16 @@ def _finite_extreme(choose: Callable[..., float], values: Iterable[float]) -> fl
     return choose(finite_values, default=math.nan)
 
 
-def _slowest_m_s(story: Story) -> float:
+def _slowest_m_s(history: FlightHistory) -> float:
     """Return the smallest speed that the vehicle was seen to reach; NaN in records that do not tell."""
-    speeds_m_s = [row.certificate.reachable_speed_m_s for row in story.game]
+    speeds_m_s = [row.certificate.reachable_speed_m_s for row in history.game]
     return min(filterfalse(math.isnan, speeds_m_s), default=math.nan)
 
 
-def _achieved_value(story: Story, captured: GameCycle) -> float:
-    cycle = story.settings.cycle
+def _achieved_value(history: FlightHistory, captured: GameCycle) -> float:
+    cycle = history.settings.cycle
     if cycle.target_game_m is None:
-        return story.game_lasted_s
+        return history.game_lasted_s
     return distance_to_target_m(cycle, captured.certificate.evader_game_m)
 
 
@@ -320,7 +322,7 @@ def _spread_ms(values: Array) -> str:
     return f"median {median_ms:.1f} ms, p99 {p99_ms:.1f} ms, largest {largest_ms:.1f} ms"
 
 
-class TeamStory(NamedTuple):
+class TeamHistory(NamedTuple):
     """The flights of a team.
 
     Attributes:
@@ -331,14 +333,14 @@ class TeamStory(NamedTuple):
         began_s: When the last vehicle engaged; infinite if one never did.
     """
 
-    flights: Mapping[str, Story]
+    flights: Mapping[str, FlightHistory]
     replays: Mapping[str, Comparison]
     promised: Mapping[str, Promise]
     captures: Mapping[str, Capture]
     began_s: float
 
     @property
-    def first(self) -> Story:
+    def first(self) -> FlightHistory:
         """The flight of the first vehicle; game and target are those of all."""
         return next(iter(self.flights.values()))
 
@@ -376,13 +378,13 @@ class TeamStory(NamedTuple):
         return f"{promise_words}; {ending}; {verdict}{cause}"
 
 
-def team_story(records: Mapping[str, Path]) -> TeamStory:
+def team_history(records: Mapping[str, Path]) -> TeamHistory:
     """Read the records of a team, by vehicle, and replay them.
 
     Raises:
         ConfigError: If a record cannot be read, or is not of a team.
     """
-    flights = {name: story_of(path) for name, path in records.items()}
+    flights = {name: history_of(path) for name, path in records.items()}
     for name, flight in flights.items():
         if flight.settings.team is None:
             raise ConfigError(
@@ -416,10 +418,10 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         last_cause = causes[promise.evader]
         promised[promise.evader] = promise.model_copy(update={"cause": last_cause})
     replays = {name: compare(path, recorded_settings)[0] for name, path in records.items()}
-    return TeamStory(flights, replays, promised, captures, began_s)
+    return TeamHistory(flights, replays, promised, captures, began_s)
 
 
-def captures_of(flights: Mapping[str, Story]) -> dict[str, Capture]:
+def captures_of(flights: Mapping[str, FlightHistory]) -> dict[str, Capture]:
     """Return the first capture of each evader, from the flights of all vehicles."""
     captures = dict[str, Capture]()
     for name, flight in flights.items():
@@ -437,12 +439,12 @@ def captures_of(flights: Mapping[str, Story]) -> dict[str, Capture]:
     return captures
 
 
-def _roles(flight: Story) -> list[tuple[float, Role]]:
+def _roles(flight: FlightHistory) -> list[tuple[float, Role]]:
     """Return when a vehicle began to play which role."""
     return [(row.now_s, row.inputs.role) for row in flight.rows if row.inputs.role is not None]
 
 
-def team_opening_words(team: TeamStory) -> str:
+def team_opening_words(team: TeamHistory) -> str:
     """Return the first paragraph: vehicles, promises and how many were kept, the least distance, alarms and replay."""
     flights = team.flights.values()
     separation = team.first.settings.team or TeamSection()
@@ -484,7 +486,7 @@ def team_opening_words(team: TeamStory) -> str:
     return " ".join(sentences)
 
 
-def team_summary(team: TeamStory) -> Iterator[TableRow]:
+def team_summary(team: TeamHistory) -> Iterator[TableRow]:
     """Yield a row for each player."""
     for name, flight in team.flights.items():
         role_words = []
