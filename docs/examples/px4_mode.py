@@ -13,10 +13,14 @@ import numpy as np
 import zenoh
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-MESSAGES = get_typestore(Stores.EMPTY)
+NAME = np.frombuffer(b"Northward".ljust(25, b"\0"), np.uint8)
+NORTH = np.array((3.0, 0.0, 0.0), np.float32)
+FREE = np.full(3, np.nan, np.float32)
+last: dict[str, Any] = {}  # what PX4 said, by topic
+types = get_typestore(Stores.EMPTY)
 for path in Path(sys.argv[1]).glob("*.msg"):
     definition = path.read_text(encoding="utf-8").replace("char[25]", "uint8[25]")
-    MESSAGES.register(get_types_from_msg(definition, f"px4_msgs/msg/{path.stem}"))
+    types.register(get_types_from_msg(definition, f"px4_msgs/msg/{path.stem}"))
 
 
 def type_of(topic: str) -> str:
@@ -24,59 +28,43 @@ def type_of(topic: str) -> str:
 
 
 def key(way: str, topic: str) -> str:
-    ros_type = type_of(topic).replace("/", "::").replace("msg::", "msg::dds_::")
-    return f"0/fmu/{way}/{topic}/{ros_type}_/{MESSAGES.hash_rihs01(type_of(topic))}"
+    kind = type_of(topic).replace("/", "::").replace("msg::", "msg::dds_::")
+    return f"0/fmu/{way}/{topic}/{kind}_/{types.hash_rihs01(type_of(topic))}"
 
 
-# PX4 pads its payloads, and rosbags' deserialize_cdr refuses what is padded.
-def read(topic: str, payload: bytes) -> Any:  # noqa: ANN401
-    message = MESSAGES.get_msgdef(type_of(topic))
-    return message.deserialize_cdr_le(memoryview(payload)[4:], 0, message.cls, MESSAGES)[0]
+def read(topic: str, body: bytes) -> Any:  # noqa: ANN401
+    kind = types.get_msgdef(type_of(topic))
+    # types.deserialize_cdr would refuse PX4's payloads, because they are padded
+    return kind.deserialize_cdr_le(memoryview(body), 0, kind.cls, types)[0]
 
 
-def send(topic: str, **fields: object) -> None:  # fields that are not named are 0
-    message = read(topic, bytes(1000))
+def send(topic: str, **fields: object) -> None:
+    message = read(topic, bytes(1000))  # all 0
     vars(message).update(fields)
-    session.put(key("in", topic), bytes(MESSAGES.serialize_cdr(message, type_of(topic))))
+    session.put(key("in", topic), bytes(types.serialize_cdr(message, type_of(topic))))
 
 
-settings = json.dumps({"mode": "router", "listen": {"endpoints": [sys.argv[2]]}})  # PX4 calls it
-free = np.full(3, np.nan, np.float32)
-with zenoh.open(zenoh.Config.from_json5(settings)) as session:
-    topics = ("register_ext_component_reply", "arming_check_request", "vehicle_status")
-    inbox = {
-        topic: session.declare_subscriber(key("out", topic), zenoh.handlers.FifoChannel(100))
-        for topic in topics
-    }
-    mode = None
-    active = False
+def hear(sample: zenoh.Sample) -> None:
+    topic = str(sample.key_expr).split("/")[3]
+    said = last[topic] = read(topic, sample.payload.to_bytes()[4:])
+    mode = last.get("register_ext_component_reply")
+    if topic == "vehicle_status" and not mode:
+        wish = {"register_mode": True, "register_arming_check": True, "px4_ros2_api_version": 1}
+        send("register_ext_component_request", name=NAME, **wish)
+    elif topic == "arming_check_request" and mode:  # PX4 waits 50 ms for the answer
+        numbers = {"request_id": said.request_id, "registration_id": mode.arming_check_id}
+        send("arming_check_reply", **numbers, can_arm_and_run=True, mode_req_local_position=True)
+
+
+router = json.dumps({"mode": "router", "listen": {"endpoints": [sys.argv[2]]}})  # PX4 calls it
+heard = ("vehicle_status", "register_ext_component_reply", "arming_check_request")
+with zenoh.open(zenoh.Config.from_json5(router)) as session:
+    subscribers = [session.declare_subscriber(key("out", topic), hear) for topic in heard]
+    while not (mode := last.get("register_ext_component_reply")):
+        time.sleep(0.02)
+    print(f"mode {mode.mode_id}" if mode.success else sys.exit("PX4 refused the mode"), flush=True)
     while True:
-        for topic, subscriber in inbox.items():
-            for sample in iter(subscriber.try_recv, None):
-                said = read(topic, bytes(sample.payload))
-                if topic == "register_ext_component_reply" and said.success:
-                    mode = said
-                    print(f"mode {mode.mode_id}", flush=True)
-                elif topic == "arming_check_request" and mode:  # PX4 waits 50 ms for the answer
-                    asked = {"request_id": said.request_id, "registration_id": mode.arming_check_id}
-                    send(
-                        "arming_check_reply",
-                        can_arm_and_run=True,
-                        mode_req_local_position=True,
-                        **asked,
-                    )
-                elif topic == "vehicle_status" and not mode:
-                    name = np.frombuffer(b"Northward".ljust(25, b"\0"), np.uint8)
-                    wish = {
-                        "register_arming_check": True,
-                        "register_mode": True,
-                        "px4_ros2_api_version": 1,
-                    }
-                    send("register_ext_component_request", request_id=7, name=name, **wish)
-                elif topic == "vehicle_status":
-                    active = said.nav_state == mode.mode_id
-        if mode and active:  # outside its mode a program must be silent
-            north = np.array((3.0, 0.0, 0.0), np.float32)
-            rest = {"position": free, "acceleration": free, "yaw": np.nan, "yawspeed": np.nan}
-            send("trajectory_setpoint", velocity=north, **rest)
+        if last["vehicle_status"].nav_state == mode.mode_id:  # elsewhere a program must be silent
+            rest = {"position": FREE, "acceleration": FREE, "yaw": np.nan, "yawspeed": np.nan}
+            send("trajectory_setpoint", velocity=NORTH, **rest)
         time.sleep(0.02)
