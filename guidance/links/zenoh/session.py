@@ -12,6 +12,7 @@ import zenoh
 from guidance.errors import ConfigError, LinkError
 from guidance.links.zenoh.credentials import AUTHORITY, NO_CREDENTIALS, ROUTER, Credentials
 
+_UNHEARD: Final = "does a Zenoh router (zenohd, guidance zenoh router) or the mock listen there, and no other program?"
 _REFUSED: Final = (
     "is the router running, is its certificate for this host and signed by zenoh.tls_ca_file, and does it accept our "
     "certificate or user? With RUST_LOG=warn the router logs whom it refuses"
@@ -80,7 +81,7 @@ def open_session(
     try:
         return direct_session("client", {"connect": there}, link=link, auth=credentials.auth or {})
     except zenoh.ZError as error:
-        ask = "is the vehicle (or the mock) running?" if credentials == NO_CREDENTIALS else _REFUSED
+        ask = _UNHEARD if credentials == NO_CREDENTIALS else _REFUSED
         raise LinkError(
             f"zenoh {endpoint}: no session within {timeout_s:g} s ({_short(error)}); {ask}"
         ) from error

@@ -75,7 +75,7 @@ def open_all(
     credentials = credentials_of(config.zenoh)
     keys = _Keys(closed)
     key = keys.open(vehicle.signing_key_file, "vehicle")
-    _claim_on_its_bus(vehicle.url, credentials, closed)
+    _claim_on_its_bus(vehicle, credentials, closed)
     wire = opened.get(config.name)
     if wire is None and vehicle.mavlink_url is not None:
         # The evader's reports arrive on it too, unless they have a URL of their own.
@@ -124,15 +124,16 @@ def open_all(
         closed.callback(sources[name].close)
 
 
-def _claim_on_its_bus(url: str, credentials: Credentials, closed: ExitStack) -> None:
+def _claim_on_its_bus(vehicle: Vehicle, credentials: Credentials, closed: ExitStack) -> None:
     """Claim a vehicle behind Zenoh on its own bus: all possible owners are there."""
-    if is_px4(url):
-        endpoint = parse(url)
-        session = px4_session(endpoint, credentials, timeout_s=5.0)
+    timeout_s = min(vehicle.connect_timeout_s, 5.0)
+    if is_px4(vehicle.url):
+        endpoint = parse(vehicle.url)
+        session = px4_session(endpoint, credentials, timeout_s)
         owned = f"{endpoint.namespace}/guidance"
-    elif scheme_of(url) == "zenoh":
-        endpoint = parse(url)
-        session = session_to(endpoint, credentials, timeout_s=5.0)
+    elif scheme_of(vehicle.url) == "zenoh":
+        endpoint = parse(vehicle.url)
+        session = session_to(endpoint, credentials, timeout_s)
         owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
     else:
         return
