@@ -178,7 +178,7 @@ def edges_meet(edge: Edge, second_edge: Edge, *, neighbours: bool) -> bool:
     c, d = second_edge
     if neighbours:
         shared = {a, b} & {c, d}
-        return any(
+        return len(shared) == 2 or any(
             _on(line, end)
             for line, end in ((edge, c), (edge, d), (second_edge, a), (second_edge, b))
             if end not in shared

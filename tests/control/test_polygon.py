@@ -39,25 +39,9 @@ def meet_by_definition(first, second, *, neighbours):
     c, d = second
     shared = {a, b} & {c, d} if neighbours else set()
     ends = ((first, c), (first, d), (second, a), (second, b))
-    if any(on(*line, end) for line, end in ends if end not in shared):
+    if len(shared) == 2 or any(on(*line, end) for line, end in ends if end not in shared):
         return True
     return turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
-
-
-corner = st.tuples(st.integers(0, 6), st.integers(0, 6))
-
-
-@given(st.lists(corner, min_size=3, max_size=9, unique=True))
-def test_the_sweep_agrees_with_the_comparison_of_all_pairs(corners):
-    edges = list(zip(corners, [*corners[1:], corners[0]], strict=True))
-    pairs = [
-        (i, j)
-        for i, j in combinations(range(len(edges)), 2)
-        if meet_by_definition(edges[i], edges[j], neighbours=j - i in (1, len(edges) - 1))
-    ]
-    crossing = crossing_edges(edges)
-    assert (crossing is None) is (pairs == [])
-    assert crossing is None or crossing in pairs
 
 
 def test_any_two_edges_meet_where_they_share_a_point():
@@ -66,7 +50,7 @@ def test_any_two_edges_meet_where_they_share_a_point():
         if a != b and c != d:
             met = polygon.edges_meet((a, b), (c, d), neighbours=False)
             assert met is meet_by_definition((a, b), (c, d), neighbours=False)
-        if len({a, b, d}) == 3 and b == c:
+        if a != b == c != d:
             met = polygon.edges_meet((a, b), (c, d), neighbours=True)
             assert met is meet_by_definition((a, b), (c, d), neighbours=True)
 
@@ -75,9 +59,11 @@ def test_no_crossing_is_missed_and_none_is_made_up():
     draw = random.Random(45)
     points = [(north / 8, east / 8) for north, east in product(range(6), repeat=2)]
     simple = 0
-    for _ in range(1500):
-        corners = draw.sample(points, draw.randint(3, 8))
+    for _ in range(800):
+        corners = draw.choices(points, k=draw.randint(3, 8))
         edges = list(zip(corners, [*corners[1:], corners[0]], strict=True))
+        if any(one == other for one, other in edges):
+            continue
         pairs = {
             (i, j)
             for i, j in combinations(range(len(edges)), 2)
@@ -85,7 +71,7 @@ def test_no_crossing_is_missed_and_none_is_made_up():
         }
         assert crossing_edges(edges) in (pairs or {None})
         simple += not pairs
-    assert simple > 100
+    assert simple > 50
 
 
 @pytest.mark.parametrize(
@@ -102,8 +88,10 @@ def test_no_crossing_is_missed_and_none_is_made_up():
         ),
         (
             ((0.0, 0.0), (0.0, 4.0), (-1.0, 4.0), (3.0, 1.0), (-1.0, 1.0)),
-            "edges 0 and 2 cross or touch; give the corners in order",
+            "edges 0 and 2 cross or touch",
         ),
+        # To a corner and straight back
+        (((0.0, 0.0), (4.0, 0.0), (0.0, 0.0), (0.0, 4.0)), "edges 0 and 1 cross or touch"),
     ],
 )
 def test_a_polygon_that_is_none_is_refused_in_words(corners, words):
@@ -118,8 +106,8 @@ def test_an_edge_of_a_centimetre_is_long_enough():
 coordinates = st.floats(-100.0, 100.0)
 
 
-@given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=3), coordinates)
-def test_an_edge_points_out_of_the_polygon_by_its_unit_normal(corners, share):
+@given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=3))
+def test_an_edge_points_out_of_the_polygon_by_its_unit_normal(corners):
     if min(math.dist(a, b) for a, b in combinations(corners, 2)) < 1.0:
         return
     if abs(turn(*corners)) < 10.0:
@@ -133,6 +121,46 @@ def test_an_edge_points_out_of_the_polygon_by_its_unit_normal(corners, share):
         middle = (0.5 * (north1 + north2), 0.5 * (east1 + east2))
         assert not triangle.contains((middle[0] + 1e-3 * north, middle[1] + 1e-3 * east))
         assert triangle.contains((middle[0] - 1e-3 * north, middle[1] - 1e-3 * east))
+
+
+@given(st.floats(-8, 8), st.floats(-8, 8), st.booleans())
+def test_inside_and_nearest_edge_of_a_square_are_what_they_look_like(north, east, clockwise):
+    corners = ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0))
+    square = Polygon(corners if clockwise else corners[::-1])
+    if max(abs(north), abs(east)) != 5.0:
+        assert square.contains((north, east)) == (max(abs(north), abs(east)) < 5.0)
+    nearest = min(math.dist((north, east), point) for point in square.nearest_points((north, east)))
+    outside = math.hypot(max(0.0, abs(north) - 5.0), max(0.0, abs(east) - 5.0))
+    assert nearest == pytest.approx(outside or 5.0 - max(abs(north), abs(east)))
+
+
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_a_point_as_far_north_as_a_corner_is_inside_or_outside_all_the_same(clockwise):
+    corners = ((-5.0, 0.0), (0.0, 5.0), (5.0, 0.0), (0.0, -5.0))
+    diamond = Polygon(corners if clockwise else corners[::-1])
+    found = [
+        diamond.contains((north, east))
+        for north in (-5.0, 0.0, 5.0)
+        for east in (-6.0, -1.0, 1.0, 6.0)
+    ]
+    assert found == [False] * 4 + [False, True, True, False] + [False] * 4
+
+
+@given(st.floats(-12, 12), st.floats(-12, 12), st.floats(0.0, 6.0), st.booleans())
+def test_inside_is_where_the_polygon_winds_about_the_point(north, east, angle, clockwise):
+    # A star with slanting edges; the turns about the point are summed as angles, which owes nothing to any ray.
+    corners = []
+    for index in range(10):
+        radius = (10.0, 4.0)[index % 2]
+        bearing = angle + index * math.tau / 10.0
+        corners.append((radius * math.cos(bearing), radius * math.sin(bearing)))
+    star = Polygon(tuple(corners if clockwise else corners[::-1]))
+    turned = 0.0
+    for one, other in star.edges():
+        before = math.atan2(one[1] - east, one[0] - north)
+        turned += math.remainder(math.atan2(other[1] - east, other[0] - north) - before, math.tau)
+    if min(math.dist(point, (north, east)) for point in star.nearest_points((north, east))) > 1e-6:
+        assert star.contains((north, east)) == (round(turned / math.tau) != 0)
 
 
 def comparisons(monkeypatch, count):
