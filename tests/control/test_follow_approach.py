@@ -96,26 +96,6 @@ def test_at_rest_before_the_rim_the_velocity_is_the_evaders(evader):
     assert braking
 
 
-def test_inside_the_disc_it_backs_off_gently():
-    evader = (3.0, 0.0, 0.0)
-    inside = approach(
-        Ned((6.0, 0.0, 0.0)),
-        Ned(evader),
-        Ned(evader),
-        Gaps(-0.35, 0.0, Ned((1.0, 0.0, 0.0))),
-        SETTINGS,
-    )[0]
-    assert inside[0] == pytest.approx(3.0 - 0.5 * 0.5 / SETTINGS.settle_s)
-    deep = approach(
-        Ned((6.0, 0.0, 0.0)),
-        Ned(evader),
-        Ned(evader),
-        Gaps(-3.0, 0.0, Ned((1.0, 0.0, 0.0))),
-        SETTINGS,
-    )[0]
-    assert deep[0] == pytest.approx(3.0 - SETTINGS.backing_m_s)
-
-
 @pytest.mark.parametrize(
     ("ground_m", "closing_m_s", "allowed_m_s", "kept"),
     [

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.control.follow import JUMP_M, LARGEST_M_S, Drift, observe_drift
-from guidance.control.servo import AWAY_M, keep_station
-from guidance.control.servo import LARGEST_M_S as STATION_LARGEST_M_S
+from guidance.control.follow import LARGEST_M_S, Drift, observe_drift
+from guidance.control.servo import keep_station
 from guidance.frames import Ned
 
 DT_S = 0.02
@@ -53,29 +52,12 @@ def test_an_error_that_wanders_slowly_is_followed():
     assert found == pytest.approx((0.0, 0.3 * math.sin(4.0), 0.0), abs=0.1)
 
 
-def test_velocities_that_fit_their_positions_have_no_drift():
-    found = drive(
-        seconds=20.0,
-        velocity=lambda now_s: (4.0 * math.cos(now_s), 5.0, -math.sin(3.0 * now_s)),
-        error=lambda _now_s: (0.0, 0.0, 0.0),
-    )
-    assert found == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
-
-
 @given(st.lists(st.tuples(vectors, vectors, st.floats(0.0, 1.0)), min_size=1, max_size=40))
 def test_the_drift_is_bounded_whatever_is_reported(reports):
     drift = Drift()
     for position, velocity, dt_s in reports:
         drift = observe_drift(drift, Ned(position), Ned(velocity), dt_s=dt_s)
         assert all(abs(part) <= LARGEST_M_S for part in drift.velocity_ned_m_s)
-
-
-def test_nothing_is_learned_from_a_jump_of_the_estimate():
-    before = Drift(Ned((0.1, 0.0, 0.0)), Ned((5.0, 5.0, -20.0)))
-    after = observe_drift(
-        before, Ned((5.0 + 3.0 * JUMP_M, 5.0, -20.0)), Ned((0.1, 0.0, 0.0)), dt_s=DT_S
-    )
-    assert after == Drift(Ned((0.1, 0.0, 0.0)), Ned((5.0 + 3.0 * JUMP_M, 5.0, -20.0)))
 
 
 KNOWN = Drift(Ned((0.1, -0.2, 0.3)), Ned((5.0, -6.0, -20.0)))
@@ -121,22 +103,6 @@ def test_a_remaining_error_above_one_metre_is_a_jump_and_drift_is_bounded(axis, 
             dt_s=0.1,
         )
         assert after.velocity_ned_m_s == pytest.approx(along(learned))
-
-
-def test_a_moving_vehicle_is_stopped_before_a_place_is_held():
-    assert keep_station(None, Ned((1.0, 2.0, -5.0)), Ned((2.0, 0.0, 0.0))) == ((0.0, 0.0), None)
-    assert keep_station(None, Ned((1.0, 2.0, -5.0)), Ned((0.1, 0.0, 0.0))) == (
-        (0.0, 0.0),
-        (1.0, 2.0),
-    )
-
-
-@given(st.tuples(coordinates, coordinates), vectors)
-def test_station_is_kept_slowly_and_towards_the_place(place, position):
-    (north, east), held = keep_station(place, Ned(position), Ned((0.0, 0.0, 0.0)))
-    assert math.hypot(north, east) <= STATION_LARGEST_M_S + 1e-12
-    assert north * (place[0] - position[0]) + east * (place[1] - position[1]) >= 0.0
-    assert held == (place if math.dist(place, position[:2]) <= AWAY_M else position[:2])
 
 
 def test_a_place_is_held_against_an_autopilot_that_slides():

@@ -40,6 +40,7 @@ def test_a_hold_far_away_climbs_and_sinks_at_the_limits(error_m, speed):
         (-0.5, 0.05, 0.1 - 0.08 * 0.5 * 0.05),
         (1.49, 0.02, 0.1 + 0.08 * 1.49 * 0.02),
         (1.51, 0.02, 0.1),  # far away it waits
+        (-1.51, 0.02, 0.1),
         (0.5, 7.0, 0.1 + 0.08 * 0.5 * 0.1),  # a late step is not made up for
         (0.5, -7.0, 0.1),
         (0.5, math.nan, 0.1),
@@ -74,12 +75,8 @@ def test_a_hold_stays_between_floor_and_ceiling_above_home(down_m, held_m):
 @pytest.mark.parametrize("down_m", [math.nan, -math.inf, 1e9])
 def test_a_height_that_is_no_number_commands_nothing_and_forgets_nothing(down_m):
     memory = AltitudeHold(-50.0, 0.3)
-    assert hold_altitude(memory, down_m=down_m, envelope=OPEN, dt_s=DT_S) == (0.0, memory)
-
-
-@pytest.mark.parametrize("error_m", [20.0, -20.0])
-def test_far_from_its_height_on_either_side_the_trim_waits(error_m):
-    assert held_at(error_m, trim_m_s=0.1)[1].trim_m_s == 0.1
+    for held in (memory, None):
+        assert hold_altitude(held, down_m=down_m, envelope=OPEN, dt_s=DT_S) == (0.0, held)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from guidance.autopilots import ARDUCOPTER, PX4
 from guidance.control import Envelope, Limits, Speeds
 from guidance.control.limits import FARTHEST_FENCE_M, Dynamics, farthest_evader_m
 from guidance.control.polygon import Polygon
-from guidance.errors import ConfigError
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.game import StandOff
 
@@ -35,13 +34,11 @@ def refusal(**keys):
         ),
         (
             {"fence_polygon_ne_m": SQUARE_M, "fence_polygon_deg": SQUARE_DEG},
-            "limits.fence_polygon_ne_m and limits.fence_polygon_deg: only one polygon is allowed; "
-            "remove the others",
+            "limits.fence_polygon_ne_m and limits.fence_polygon_deg: only one polygon is allowed",
         ),
         (
             {"fence_radius_m": None},
-            "limits.fence_radius_m: missing; give it or one of limits.fence_polygon_ne_m, "
-            "limits.fence_polygon_deg, limits.fence_plan_file: every flight needs a fence",
+            "limits.fence_radius_m: missing",
         ),
         ({"fence_polygon_deg": ()}, "limits.fence_polygon_deg has 0 corners: needs at least 3"),
         (
@@ -50,8 +47,7 @@ def refusal(**keys):
         ),
         (
             {"fence_polygon_deg": ((47.0, 8.0), (47.2, 8.0), (47.2, 8.1))},
-            "limits.fence_polygon_deg reaches 23495 m from its first corner: at most 20000 m are "
-            "allowed; are latitude and longitude exchanged?",
+            "limits.fence_polygon_deg reaches 23495 m from its first corner: at most 20000 m",
         ),
     ],
 )
@@ -132,18 +128,6 @@ def test_a_small_disc_keeps_half_a_metre():
     assert envelope.stand_off == StandOff(0.5, 0.5)
 
 
-def test_speed_limits_below_the_games_speeds_are_refused_by_both_keys():
-    game = Speeds(6.0, 2.0, 1.0)
-    words = (
-        r"limits.climb_m_s = 1.9: must be at least scenario.climb_m_s = 2, the game's own speed; "
-        r"raise limits.climb_m_s or lower scenario.climb_m_s"
-    )
-    with pytest.raises(ValueError, match=words):
-        Limits(climb_m_s=1.9).speeds(game, section="scenario")
-    limits = Limits(speed_m_s=6.0, descent_m_s=1.5).speeds(game, section="scenario")
-    assert limits == pytest.approx((6.0, 2.2, 1.5))
-
-
 def test_the_tighter_of_two_is_taken_key_by_key():
     ours = Limits(floor_m=5.0, ceiling_m=60.0, fence_radius_m=100.0, fence_polygon_ne_m=SQUARE_M)
     theirs = Limits(
@@ -173,24 +157,3 @@ def test_corners_in_degrees_become_metres_about_home(projection):
 def test_an_evader_beyond_fence_disc_and_its_way_meanwhile_cannot_be_met():
     far_m = farthest_evader_m(100.0, evader_speed_m_s=3.0, speed_m_s=6.0, standoff_radius_m=7.0)
     assert far_m == 100.0 + 7.0 + 100.0
-
-
-@pytest.mark.parametrize(
-    ("size", "taken"), [(1e-3, True), (0.9e-3, False), (1e6, True), (1.1e6, False)]
-)
-def test_an_envelopes_limits_have_the_bounds_that_its_error_names(size, taken):
-    values = Limits().envelope(SPEEDS, DYNAMICS, StandOff(6.0, 8.0))
-    named = {name: getattr(values, name) for name in values.__dataclass_fields__}
-    named["yaw_rate_rad_s"] = size
-    if taken:
-        assert Envelope(**named).yaw_rate_rad_s == size
-    else:
-        words = rf"^yaw_rate_rad_s = {size}: allowed is 0.001 to 1000000.0$"
-        with pytest.raises(ConfigError, match=words):
-            Envelope(**named)
-
-
-def test_floor_and_ceiling_may_be_as_far_away_as_any_limit():
-    values = Limits().envelope(SPEEDS, DYNAMICS, StandOff(6.0, 8.0))
-    named = {name: getattr(values, name) for name in values.__dataclass_fields__}
-    assert Envelope(**named | {"floor_m": -1e6, "ceiling_m": 1e6}).ceiling_m == 1e6

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds
+from guidance.control import Dynamics, Limits, Situation, Speeds
 from guidance.control.braking_law import Separation, held_back, measure_walls
 from guidance.control.setpoint_limiter import limit
 from guidance.frames import STILL, Ned
@@ -62,25 +62,6 @@ class Point:
             self.velocity[axis] += STEP_S * max(-most, min(most, rate))
             self.place[axis] += STEP_S * self.velocity[axis]
         self.told.append((number, tuple(self.place), tuple(self.velocity)))
-
-
-def climb_m_s(height_m, mate_height_m):
-    """Climb rate of a vehicle that is asked to climb beside a mate at another height."""
-    here = Situation(Ned((0.0, 0.0, -height_m)), Ned((0.0, 0.0, 0.0)))
-    walls = measure_walls(
-        here, OPEN, [Separation(Ned((2.0, 0.0, -mate_height_m)), APART_M, HEIGHT_M)]
-    )
-    memory = None
-    for _ in range(100):
-        limited = limit(Setpoint(Ned((0.0, 0.0, -1.0))), here, OPEN, memory, STEP_S, walls=walls)
-        memory = limited.memory
-    return -limited.setpoint.velocity_ned_m_s[2]
-
-
-def test_a_vehicle_below_the_floor_climbs_back_towards_a_mate_above():
-    assert climb_m_s(3.0, 5.0) == 0.0
-    assert climb_m_s(1.5, 3.5) == 1.0
-    assert climb_m_s(1.5, 30.0) == 1.0
 
 
 CLOSED = replace(OPEN, fence_radius_m=50.0, fence_margin_m=2.0, ceiling_m=20.0)
@@ -194,27 +175,3 @@ def test_two_vehicles_keep_their_separation_wherever_they_want_to_go(
                 if draw.random() >= loss:
                     heard[index] = points[1 - index].told[-1 - late]
         assert outside_m(points[0].place, points[1].place) > -0.5
-
-
-def test_a_mate_above_is_no_obstacle_to_level_flight():
-    here = Situation(Ned((0.0, 0.0, -10.0)), Ned((6.0, 0.0, 0.0)))
-    walls = [
-        wall
-        for wall in measure_walls(
-            here, OPEN, [Separation(Ned((5.0, 0.0, -15.0)), APART_M, HEIGHT_M)]
-        )
-        if wall.limiter is Limiter.SEPARATION
-    ]
-    assert [(wall.normal_ned, wall.gap_m) for wall in walls] == [((0.0, 0.0, -1.0), 1.0)]
-
-
-def test_the_bound_is_half_of_the_distance():
-    here = Situation(Ned((0.0, 0.0, -10.0)), Ned((0.0, 0.0, 0.0)))
-    (wall,) = [
-        one
-        for one in measure_walls(
-            here, OPEN, [Separation(Ned((28.0, 0.0, -10.0)), APART_M, HEIGHT_M)]
-        )
-        if one.limiter is Limiter.SEPARATION
-    ]
-    assert wall.gap_m == 10.0

@@ -76,14 +76,6 @@ def loop(*, drag_per_s=0.0, push=STILL, gain_per_s=1.8, largest_m_s2=math.inf):
     return plant
 
 
-@given(velocities, velocities, velocities, steps, gains)
-def test_equal_inputs_give_equal_outputs(wanted, flown, expected, dt_s, gains):
-    memory = ServoMemory(Ned(flown), Ned(STILL), Ned(expected), 0.1, Ned(STILL))
-    assert serve(Ned(wanted), Ned(flown), memory, gains, dt_s=dt_s) == serve(
-        Ned(wanted), Ned(flown), memory, gains, dt_s=dt_s
-    )
-
-
 @given(st.lists(st.tuples(velocities, velocities, steps), min_size=1, max_size=30), gains)
 def test_the_command_never_leaves_what_was_wanted_and_flown(cycles, gains):
     memory = None

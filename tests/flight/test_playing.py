@@ -1,6 +1,5 @@
 """The flight's step during the game, with inputs from the test: setpoints sent, reasons to end, and silence."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -20,7 +19,6 @@ from guidance.vehicle import VehicleState, observe
 from tests.flight.flown import CYCLE_S, MESSAGE, REPOSITION, Flown, commands
 from tests.flight.scenes import (
     BOTH,
-    ENVELOPE,
     HOME_DOWN_M,
     SETTINGS,
     home,
@@ -235,13 +233,6 @@ def test_a_pilot_who_flies_while_waited_for_keeps_the_vehicle_against_any_order(
         assert vehicle.cycle(beat=True).state is State.STANDING_BY
         vehicle.cycle(order)
         assert vehicle.cycle().state is State.YIELDED
-
-
-def test_heights_count_from_where_home_is_now():
-    vehicle = Flown().engaged()
-    assert vehicle.flight.observed.cycle.envelope == replace(
-        ENVELOPE, home_ned_m=Ned((0.0, 0.0, HOME_DOWN_M))
-    )
 
 
 def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cycle():

@@ -6,7 +6,6 @@ import pytest
 
 from guidance.control import Limits
 from guidance.control.polygon import Polygon, corners_about_home
-from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import Home, Origin
@@ -94,11 +93,3 @@ def test_without_corners_on_the_map_the_fence_stays_as_it_was_configured():
     flight.step(50.0, Inputs([heartbeat(50.0), home, local(50.0)]))
     assert flight.observed.cycle.envelope.fence_polygon is SETTINGS.cycle.envelope.fence_polygon
     assert flight.observed.cycle.envelope.home_ned_m == (1.0, 2.0, 3.0)
-
-
-def test_corners_that_make_no_polygon_are_refused_before_they_are_flown():
-    frame = LocalFrame(47.397742, 8.545594, Amsl(488.0))
-    with pytest.raises(ConfigError, match="2 corners"):
-        Polygon(
-            corners_about_home(on_the_map(frame, (0.0, 0.0, 0.0))[:2], Ned((0.0, 0.0, 0.0)), frame)
-        )
