@@ -14,18 +14,17 @@ Any value function is the game's where its Hamilton-Jacobi-Isaacs residual is ze
 PE: the pursuer minimises, the evader maximises, the running cost is 1 (seconds per second). TAD, the pursuer wins: it
 maximises the final distance and the evader minimises it, without running cost. TAD, the evader wins: the other way
 round, and the value is the distance that the pursuer is short of a capture. The extreme point of a speed set in a
-direction is known in closed form, so the residual needs only the gradient, by finite or automatic differentiation.
+direction is known in closed form, so the residual needs only the gradient.
 """
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from array_api_compat import is_jax_array, is_torch_array
+from array_api_compat import is_torch_array
 from numpy.typing import ArrayLike
 
-from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder
 from guidance.game.arrays import Array, Library, Plane, Space, component, components, dot2, vectors
 from guidance.game.game import Game
@@ -35,8 +34,6 @@ from guidance.game.solution import Solution, solve
 
 ValueFunction: TypeAlias = Callable[[Array, Array, Array | None], Array]
 """Value of the positions of P, E and T, (..., 3) each, or of P, E and None; (...)."""
-
-METHODS = ("finite", "automatic")
 
 
 class Gradient(NamedTuple):
@@ -50,23 +47,17 @@ class Gradient(NamedTuple):
 def value_gradient(
     game: Game, pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike | None = None
 ) -> Gradient:
-    """Return the gradient of `solve(...).value`; zero for the target in PE, and for positions that do not matter.
+    """Return the gradient of `solve(...).value` in the plane; zero for the target in PE.
 
-    On the barrier it is that of the evader's side: from the other, the meeting point lies in no direction from T.
+    It is zero for positions that do not matter, too. On the barrier it is that of the evader's side: from the other,
+    the meeting point lies in no direction from T.
 
     Args:
         game: the game.
         pursuer: position P, (..., 3), m.
         evader: position E, (..., 3), m.
         target: position T, (..., 3), m, or None for PE.
-
-    Raises:
-        ConfigError: as `solve`; or the evader moves in space.
     """
-    if game.evader_space == "space":
-        raise ConfigError(
-            "evader_space = 'space': differentiate this one with guidance.game.gradient.finite_differences"
-        )
     xp, given = vectors(
         {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target})
     )
@@ -185,85 +176,24 @@ def _short(
     )
 
 
-def hji_residual(
-    game: Game,
-    pursuer: ArrayLike,
-    evader: ArrayLike,
-    target: ArrayLike | None = None,
-    *,
-    value: ValueFunction | None = None,
-    method: Literal["finite", "automatic"] = "finite",
-    step_m: float = 1e-3,
+def automatic_residual(
+    game: Game, pursuer: Array, evader: Array, target: Array | None = None
 ) -> Array:
-    """Return the residual at every state, (...): in PE a pure number, in TAD in m/s.
+    """Return the residual at every state, (...), by automatic differentiation: in PE a pure number, in TAD in m/s.
 
     Args:
         game: the game.
-        pursuer: position P, (..., 3), m.
+        pursuer: position P, (..., 3), m, an array of PyTorch or JAX.
         evader: position E, (..., 3), m.
         target: position T, (..., 3), m, or None for PE.
-        value: any function of the positions; the value of `solve` by default. Who wins is always asked of `solve`.
-        method: "finite" differences, or "automatic" differentiation (PyTorch, JAX).
-        step_m: step of the finite differences.
-
-    Raises:
-        ConfigError: as `solve`; the method is unknown, or the array library cannot differentiate.
-    """
-    if method not in METHODS:
-        raise ConfigError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-    xp, given = vectors(
-        {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target})
-    )
-    P = given["pursuer"]
-    E = given["evader"]
-    T = given.get("target")
-    asked = value or (lambda P, E, T: solve(game, P, E, T).value)
-    if method == "automatic":
-        gradient = automatic_gradient(asked, P, E, T)
-    else:
-        gradient = finite_differences(asked, P, E, T, step_m=step_m)
-    if T is None:
-        return 1.0 + _drift(game, gradient) + _saddle(xp, game, gradient, 1.0)
-    minimises = xp.select(solve(game, P, E, T).winner > 0, -1.0, 1.0)
-    return _drift(game, gradient) + minimises * _saddle(xp, game, gradient, minimises)
-
-
-def finite_differences(
-    value: ValueFunction, pursuer: Array, evader: Array, target: Array | None, *, step_m: float
-) -> Gradient:
-    """Differentiate by central differences of fourth order, whose error falls with `step_m`⁴.
-
-    Args:
-        value: any function of the positions.
-        pursuer: position P, (..., 3), m.
-        evader: position E, (..., 3), m.
-        target: position T, (..., 3), m, or None for PE.
-        step_m: step of the differences, m.
     """
     xp, _ = vectors({"pursuer": pursuer, "evader": evader})
-
-    def along(place: int) -> Array:
-        given: list[Any] = [pursuer, evader, target]
-        if given[place] is None:
-            return 0.0 * pursuer
-        slopes = []
-        for axis in range(3):
-            shift = xp.constant(pursuer, [step_m if axis == index else 0.0 for index in range(3)])
-
-            def moved(steps: float, shift: Array = shift) -> Array:
-                return value(
-                    *(
-                        array + steps * shift if index == place else array
-                        for index, array in enumerate(given)
-                    )
-                )
-
-            slopes.append(
-                (8.0 * (moved(1.0) - moved(-1.0)) - (moved(2.0) - moved(-2.0))) / (12.0 * step_m)
-            )
-        return xp.stack(slopes, axis=-1)
-
-    return Gradient(along(0), along(1), along(2))
+    asked = lambda P, E, T: solve(game, P, E, T).value  # noqa: E731
+    gradient = automatic_gradient(asked, pursuer, evader, target)
+    if target is None:
+        return 1.0 + _drift(game, gradient) + _saddle(xp, game, gradient, 1.0)
+    minimises = xp.select(solve(game, pursuer, evader, target).winner > 0, -1.0, 1.0)
+    return _drift(game, gradient) + minimises * _saddle(xp, game, gradient, minimises)
 
 
 def automatic_gradient(
@@ -276,22 +206,15 @@ def automatic_gradient(
         pursuer: position P, (..., 3), m, an array of PyTorch or JAX.
         evader: position E, (..., 3), m.
         target: position T, (..., 3), m, or None for PE.
-
-    Raises:
-        ConfigError: the library is neither PyTorch nor JAX.
     """
     given: list[Any] = [array for array in (pursuer, evader, target) if array is not None]
     if is_torch_array(pursuer):
         leaves = [array.detach().requires_grad_() for array in given]
         value(*leaves, *([] if target is not None else [None])).sum().backward()
         slopes = [leaf.grad for leaf in leaves]
-    elif is_jax_array(pursuer):
+    else:
         total = lambda *arrays: value(*arrays, *([] if target is not None else [None])).sum()  # noqa: E731
         slopes = list(import_module("jax").grad(total, argnums=tuple(range(len(given))))(*given))
-    else:
-        raise ConfigError(
-            f"method = 'automatic': {type(pursuer).__module__} arrays cannot be differentiated; use 'finite'"
-        )
     return Gradient(slopes[0], slopes[1], slopes[2] if target is not None else 0.0 * pursuer)
 
 

@@ -21,7 +21,7 @@ from guidance.game import (
     solve,
 )
 from guidance.game.arrays import vectors
-from tests.game.gradient import automatic_gradient, hji_residual, value_gradient
+from tests.game.gradient import automatic_gradient, automatic_residual, value_gradient
 
 pytestmark = pytest.mark.arrays
 ROWS = 40
@@ -199,10 +199,10 @@ def test_a_rollout_ends_as_in_numpy(library, games, oracle):
 def test_automatic_differentiation_leaves_no_residual(library, games, oracle, name):
     P, E, T = oracle.states(25, ROWS, games[name])
     arrays = [library.array(array) for array in (P, E, T)]
-    chase = np.asarray(hji_residual(games[name], *arrays[:2], method="automatic"))
+    chase = np.asarray(automatic_residual(games[name], *arrays[:2]))
     won = solve(games[name], P, E).value > 0.1
     assert np.abs(chase[won]).max() < 1e-9
-    race = np.asarray(hji_residual(games[name], *arrays, method="automatic"))
+    race = np.asarray(automatic_residual(games[name], *arrays))
     solution = solve(games[name], P, E, T)
     won = (
         (solution.value > 0.1)
@@ -305,12 +305,6 @@ def test_what_is_made_on_the_way_is_made_where_the_states_are():
         xp.astype(xp.pack((3,), like, 1), xp.int8),
     ):
         assert made.device.type == "meta"
-
-
-def test_numpy_alone_refuses_to_differentiate(games, oracle):
-    P, E, _ = oracle.states(26, 2)
-    with pytest.raises(ConfigError, match="cannot be differentiated"):
-        hji_residual(games["paper"], P, E, method="automatic")
 
 
 def test_arrays_of_different_libraries_are_refused_by_name(library):

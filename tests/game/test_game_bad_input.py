@@ -1,6 +1,8 @@
 """Bad input: refused by name at the edge, NaN in its own row inside a batch."""
 
 import math
+import re
+from itertools import product
 
 import numpy as np
 import pytest
@@ -31,7 +33,6 @@ NAN = math.nan
 INF = math.inf
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, NAN, INF, -INF, "fast", None, 1j])
 @pytest.mark.parametrize(
     ("name", "build"),
     [
@@ -46,15 +47,13 @@ INF = math.inf
         ("duration_s", lambda value: rollout(PAPER, P, E, duration_s=value)),
     ],
 )
-def test_what_must_be_more_than_zero_says_so(name, build, value):
-    with pytest.raises(
-        ConfigError, match=rf"{name} = .*must be a finite number, more than zero"
-    ) as error:
-        build(value)
-    assert repr(value) in str(error.value)
+def test_what_must_be_more_than_zero_says_so(name, build):
+    for value in (0.0, -1.0, NAN, INF, -INF, "fast", None, 1j):
+        words = rf"{name} = {re.escape(repr(value))}.*must be a finite number, more than zero"
+        with pytest.raises(ConfigError, match=words):
+            build(value)
 
 
-@pytest.mark.parametrize("value", [-1e-9, NAN, INF, "near"])
 @pytest.mark.parametrize(
     ("name", "build"),
     [
@@ -64,19 +63,18 @@ def test_what_must_be_more_than_zero_says_so(name, build, value):
         ("information_age_s", lambda value: Game(Ball(2.0), 1.0, information_age_s=value)),
     ],
 )
-def test_what_may_be_zero_says_so(name, build, value):
-    with pytest.raises(ConfigError, match=rf"{name} = .*must be a finite number, zero or more"):
-        build(value)
+def test_what_may_be_zero_says_so(name, build):
+    for value in (-1e-9, NAN, INF, "near"):
+        with pytest.raises(ConfigError, match=rf"{name} = .*must be a finite number, zero or more"):
+            build(value)
     build(0.0)
 
 
 @pytest.mark.parametrize("name", ["wind_m_s", "target_velocity_m_s"])
-@pytest.mark.parametrize(
-    "pair", [(NAN, 0.0), (0.0, INF), (1.0,), (0.0, 0.0, 0.0), 0.0, [0.0], ("a", "b"), None]
-)
-def test_a_velocity_in_the_plane_is_two_finite_numbers(name, pair):
-    with pytest.raises(ConfigError, match=rf"{name} = .*must be two finite numbers"):
-        Game(Ball(2.0), 1.0, **{name: pair})
+def test_a_velocity_in_the_plane_is_two_finite_numbers(name):
+    for pair in ((NAN, 0.0), (0.0, INF), (1.0,), (0.0, 0.0, 0.0), 0.0, [0.0], ("a", "b"), None):
+        with pytest.raises(ConfigError, match=rf"{name} = .*must be two finite numbers"):
+            Game(Ball(2.0), 1.0, **{name: pair})
 
 
 def test_a_velocity_in_the_plane_may_be_a_list_or_an_array():
@@ -234,19 +232,14 @@ def test_shapes_that_do_not_fit_are_refused_with_their_names():
     assert solve(rows, P, E).value.shape == (4,)
 
 
-@pytest.mark.parametrize("value", [NAN, INF, -INF])
 @pytest.mark.parametrize("name", ["pursuer", "evader", "target", "evader_velocity_m_s"])
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_single_state_that_is_not_finite_is_refused_by_name(name, axis, value):
-    given = {
-        "pursuer": P.copy(),
-        "evader": E.copy(),
-        "target": T.copy(),
-        "evader_velocity_m_s": T.copy(),
-    }
-    given[name][axis] = value
-    with pytest.raises(ConfigError, match=rf"^{name} = .*must be finite numbers"):
-        solve(PAPER, **given)
+def test_a_single_state_that_is_not_finite_is_refused_by_name(name):
+    for axis, value in product(range(3), (NAN, INF, -INF)):
+        given = {"pursuer": P, "evader": E, "target": T, "evader_velocity_m_s": T}
+        given[name] = given[name].copy()
+        given[name][axis] = value
+        with pytest.raises(ConfigError, match=rf"^{name} = .*must be finite numbers"):
+            solve(PAPER, **given)
 
 
 @pytest.mark.parametrize("value", [NAN, INF, -INF])
@@ -368,15 +361,9 @@ def test_lead_pursuit_without_the_evaders_velocity_is_refused_and_plays_nothing_
 
 
 def test_rollouts_refuse_what_they_do_not_know():
-    with pytest.raises(
-        ConfigError,
-        match=r"pursuer_policy = 'fly': must be one of optimal, pure_pursuit, task_oriented",
-    ):
+    with pytest.raises(ConfigError, match="pursuer_policy = 'fly': must be one of optimal"):
         rollout(PAPER, P, E, pursuer_policy="fly")
-    with pytest.raises(
-        ConfigError,
-        match=r"evader_policy = 'run': must be one of optimal, pure_evade, task_oriented",
-    ):
+    with pytest.raises(ConfigError, match="evader_policy = 'run': must be one of optimal"):
         rollout(PAPER, P, E, evader_policy="run")
     with pytest.raises(
         ConfigError, match=r"information_age_s = 0.5: must be 0, because a rollout keeps no past"

@@ -12,17 +12,6 @@ E = np.zeros(3)
 T = np.array([-6.0, 8.0, 0.0])
 
 
-def test_the_catalogues_name_what_the_paper_compares():
-    assert list(PURSUER_POLICIES) == [
-        "optimal",
-        "pure_pursuit",
-        "task_oriented",
-        "hold",
-        "lead_pursuit",
-    ]
-    assert list(EVADER_POLICIES) == ["optimal", "pure_evade", "task_oriented", "hold"]
-
-
 def test_the_optimal_policies_are_the_solution():
     seen = np.array([0.1, 0.0, 0.0])
     for target in (None, T):

@@ -24,8 +24,8 @@ from guidance.game import (
     solve,
 )
 from guidance.game.records import is_zero
+from guidance.game.verification import hji_residual, value_gradient
 from guidance.strategies.navigation import StrategyMemory, proportional_navigation
-from tests.game.gradient import hji_residual, value_gradient
 
 PAPER = Game(Ball(2.0), 1.0)
 WHOLE = ([3, 4, 10], [0, 0, 0], [30, 1, 0])

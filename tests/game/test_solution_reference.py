@@ -25,7 +25,6 @@ from guidance.game import (
     rollout,
     solve,
 )
-from tests.game.gradient import hji_residual, value_gradient
 
 KEPT = Path(__file__).parents[1] / "data" / "games_reference.npz"
 DISC = StandOff(3.0, 2.0)
@@ -83,8 +82,6 @@ GAMES = {
     ),
 }
 
-ROWS = (slice(0, 48, 3), slice(0, 48), slice(48, None))
-
 
 def states(game):
     """Positions and the evader's velocity: drawn at random, near and far, and every degenerate one."""
@@ -117,7 +114,7 @@ def states(game):
 
 
 def played(name, kind):
-    """Yield the results of one game: both players' play, the gradient, the residual, and every policy."""
+    """Yield the results of one game: both players' play, and every policy."""
     game = GAMES[name]
     P, E, T, seen = states(game)
     target = T if kind == "tad" else None
@@ -126,30 +123,11 @@ def played(name, kind):
             solve(game, P, E, target, evader_velocity_m_s=velocity)._asdict().items()
         ):
             yield f"{told}{field}", value
-    yield from derivatives(game, P, E, target)
     catalogue = {f"pursuer_{name}": play for name, play in PURSUER_POLICIES.items()}
     catalogue |= {f"evader_{name}": play for name, play in EVADER_POLICIES.items()}
     for policy, play in catalogue.items():
         if kind == "tad" or "task" not in policy:
             yield policy, play(game, P, E, target, seen)
-
-
-def derivatives(game, P, E, T):
-    """Yield the residual and the gradient of the value, this one also from below the disc and where games end."""
-    third, drawn, special = (
-        [None if array is None else array[rows] for array in (P, E, T)] for rows in ROWS
-    )
-    if T is None or game.target_velocity_m_s == (0.0, 0.0):
-        yield "residual", hji_residual(game, *third).round(5)
-    if game.evader_space == "plane":
-        sunk = (drawn[0] - [0.0, 0.0, 9.0], *drawn[1:])
-        for kind, where in (
-            ("gradient", third),
-            ("sunk_gradient", sunk),
-            ("special_gradient", special),
-        ):
-            for index, part in enumerate(value_gradient(game, *where)):
-                yield f"{kind}_{index}", part
 
 
 def ends():

@@ -182,21 +182,6 @@ def test_the_order_of_the_pursuers_changes_nothing(seed, n, tad, alike):
     assert same(answer.multipliers[order], again.multipliers)
 
 
-@settings(max_examples=drawn(20), deadline=None)
-@given(seed=seeds, n=counts, tad=st.booleans())
-def test_a_hundredth_of_the_size_is_a_hundredth_of_the_value(seed, n, tad):
-    P, E, T = states(seed, n)
-    large = solve_team(PAPER, P, E, T if tad else None)
-    small = solve_team(PAPER, P / 100.0, E / 100.0, T / 100.0 if tad else None)
-    for name in ("value", "lower_bound", "margin_s", "meeting_point_m", "meeting_time_s"):
-        np.testing.assert_allclose(
-            getattr(small, name), getattr(large, name) / 100.0, rtol=1e-9, atol=1e-12
-        )
-    assert same(small.binds, large.binds)
-    np.testing.assert_allclose(small.evader_velocity_m_s, large.evader_velocity_m_s, atol=1e-9)
-    np.testing.assert_allclose(small.pursuer_velocity_m_s, large.pursuer_velocity_m_s, atol=1e-9)
-
-
 def stepped(answer, P, E, dt, *, flown=None, run=None):
     return P + dt * (answer.pursuer_velocity_m_s if flown is None else flown), E + dt * (
         answer.evader_velocity_m_s if run is None else run
