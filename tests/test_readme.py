@@ -109,15 +109,6 @@ def test_the_comparison_with_follow_modes_is_what_was_recorded():
     assert standoff_table(flown) in page
 
 
-def test_every_section_it_points_to_is_there():
-    sections = {
-        title.lower().replace(" ", "-") for title in re.findall(r"^## (.+)$", README, re.MULTILINE)
-    }
-    pointed = set(re.findall(r"\]\(#([^)]+)\)", README))
-    assert pointed
-    assert pointed <= sections
-
-
 @pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.name)
 def test_every_file_and_module_that_a_page_of_the_docs_names_is_there(page):
     text = page.read_text(encoding="utf-8")

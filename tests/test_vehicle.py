@@ -49,12 +49,6 @@ def test_repeated_and_older_local_positions_are_passed_over():
     assert state.reboots == 0
 
 
-def test_a_clock_that_starts_again_is_a_reboot():
-    state = observe(VehicleState(), [local(10.0, 100.0), local(10.1, 0.5)])
-    assert state.reboots == 1
-    assert state.latest.get(LocalPosition) == local(10.1, 0.5)
-
-
 def test_a_changed_reset_counter_is_a_jump_and_the_first_one_is_not():
     state = observe(VehicleState(), [Odometry(1.0, 7), Odometry(1.1, 7)])
     assert state.resets == 0

@@ -12,11 +12,6 @@ from guidance.estimation.track import ReportOutcome, Track, update
 from tests.estimation.scenes import SETTINGS, measured, outcomes_of, predict, straight, tracked
 
 
-def test_nothing_is_known_before_the_first_report():
-    assert predict(Track(), 5.0, SETTINGS) is None
-    assert Track().estimate is None
-
-
 def test_a_straight_course_is_followed_and_predicted_through_the_delay():
     reports = straight(50, delay_s=0.5)
     evader = predict(tracked(reports), 4.9 + 0.5, SETTINGS)

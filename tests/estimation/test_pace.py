@@ -45,16 +45,16 @@ def seconds(begin_s, end_s, rate_hz=RATE_HZ):
     return [begin_s + step / rate_hz for step in range(round((end_s - begin_s) * rate_hz))]
 
 
-@pytest.mark.parametrize("rate_hz", [1.0, 4.0, 10.0, 50.0])
 @pytest.mark.parametrize("name", STRANGE)
-def test_a_strange_clock_is_given_up_within_five_seconds(name, rate_hz):
-    assert not paced(STRANGE[name], seconds(0.0, 5.0, rate_hz)).usable
+def test_a_strange_clock_is_given_up_within_five_seconds(name):
+    for rate_hz in (1.0, 4.0, 10.0, 50.0):
+        assert not paced(STRANGE[name], seconds(0.0, 5.0, rate_hz)).usable
 
 
-@pytest.mark.parametrize("rate_hz", [0.5, 1.0, 10.0, 50.0])
 @pytest.mark.parametrize("name", PLAUSIBLE)
-def test_a_plausible_clock_is_used(name, rate_hz):
-    assert paced(PLAUSIBLE[name], seconds(0.0, 30.0, rate_hz)).usable
+def test_a_plausible_clock_is_used(name):
+    for rate_hz in (0.5, 1.0, 10.0, 50.0):
+        assert paced(PLAUSIBLE[name], seconds(0.0, 30.0, rate_hz)).usable
 
 
 def test_a_restarted_sender_a_corrupt_stamp_and_a_burst_change_nothing():
@@ -93,7 +93,7 @@ def report(time_s, sent_s):
     return EvaderReport(time_s, sent_s, "t", latitude, longitude, 488.0, Ned(velocity))
 
 
-@pytest.mark.parametrize("name", STRANGE)
+@pytest.mark.parametrize("name", ["constant", "half speed"])
 def test_an_evader_with_a_strange_clock_is_followed_by_its_arrival_times(name):
     observer = Observer()
     for time_s in seconds(0.0, 8.0):

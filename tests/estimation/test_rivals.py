@@ -160,9 +160,11 @@ def test_a_second_source_behind_one_relay_is_detected_by_its_rate():
 
 
 @pytest.mark.parametrize("by", TWO_SOURCES)
-def test_a_second_source_is_detected_by_its_contradiction(by):
-    rivals = heard(those() + TWO_SOURCES[by])
-    assert rivals.why == by.split(",")[0]
+def test_a_second_source_is_detected_by_its_contradiction_within_two_seconds(by):
+    reports = those() + TWO_SOURCES[by]
+    soon = [one for one in reports if one.received_s <= FOR_S / 2 + 2.0]
+    assert heard(soon).why == by.split(",")[0]
+    rivals = heard(reports)
     assert rivals.there(FOR_S)
     assert not rivals.there(FOR_S + 0.2 + LASTS_S)
 
@@ -175,13 +177,6 @@ def test_a_second_source_without_times_is_detected_by_the_rate():
         for share in range(3)
     ]
     assert heard(those(**untimed) + more).why == "rate"
-
-
-@pytest.mark.parametrize("by", TWO_SOURCES)
-def test_a_second_source_is_detected_within_two_seconds(by):
-    began_s = FOR_S / 2
-    soon = [one for one in those() + TWO_SOURCES[by] if one.received_s <= began_s + 2.0]
-    assert heard(soon).why == by.split(",")[0]
 
 
 def test_alternating_reports_of_another_address_are_a_second_source():

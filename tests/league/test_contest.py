@@ -159,7 +159,7 @@ def test_quitting_costs_the_remaining_value_and_never_less_than_playing_badly(ga
     contest = contest_of(load_scenario(game)[1], name, side, 40, 7)
     quits = play_pair(contest, name, "optimal")
     opening = opening_of(batch_at(arena_of(contest.scenario).template, contest.states))
-    assert quits.row.failed == 40
+    assert (quits.row.failed, quits.row.won.value) == (40, 0.0)
     assert (quits.regret >= opening.value - 0.05).all()  # it fails after a cycle
     won_by_player = opening.winner > 0 if side == "pursuer" else opening.winner < 0
     for other in ("pure_pursuit", "optimal") if side == "pursuer" else ("pure_evade", "optimal"):
@@ -190,7 +190,7 @@ def test_a_pursuer_does_not_pay_for_an_evader_without_an_answer():
     assert (np.abs(played.regret) < 0.05).all()
 
 
-@pytest.mark.parametrize("size", [1e308, 1e200, 1e6])
+@pytest.mark.parametrize("size", [1e308, 1e6])
 @pytest.mark.parametrize(("side", "columns"), [("pursuer", 3), ("evader", 2)])
 def test_a_huge_action_is_flown_at_full_speed(size, side, columns):
     """Catches an action that overflows and becomes NaN."""
@@ -222,11 +222,3 @@ def test_the_league_says_where_its_game_is_not_the_flights(monkeypatch):
     result = run("optimal", "--games", "1", "--scenario", "wind")
     assert "in flight no player knows it" in result.output
     assert "in flight" not in run("optimal", "--games", "1", "--scenario", "hover_chase").output
-
-
-def test_a_policy_without_an_answer_loses_its_game_as_failed():
-    own.register("tests.lost:policy", lambda observation: np.full((len(observation), 3), np.nan))
-    scenario = load_scenario("pe")[1]
-    contest = contest_of(scenario, "optimal", "pursuer", 3, 1)
-    row = play_pair(contest, "tests.lost:policy", "optimal").row
-    assert (row.failed, row.won.value) == (3, 0.0)

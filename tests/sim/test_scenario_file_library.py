@@ -48,16 +48,6 @@ def failed(scenario, outcome):
     return [verdict for verdict in scenario.expect.verdicts(outcome._asdict()) if not verdict.held]
 
 
-def test_the_library_has_what_a_reader_looks_for():
-    wanted = {
-        "pe", "tad", "barrier_pursuer", "barrier_evader", "straight_above", "evader_turns", "evader_stops",
-        "slower_than_declared", "faster_than_declared", "wind", "slow_reports", "lost_and_found", "pilot_takeover",
-        "fence", "estimator_jump", "barrier_pure_pursuit", "crossing_proportional_navigation",
-    }  # fmt: skip
-    assert wanted <= set(NAMES)
-    assert set(TEAMS) == {"teams_tad", "teams_breakthrough", "teams_guard", "teams_chase"}
-
-
 @pytest.mark.parametrize("name", EVERY)
 def test_every_scenario_explains_itself_and_expects_something(name):
     path, scenario = load_any(name)

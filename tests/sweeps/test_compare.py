@@ -180,8 +180,7 @@ def test_an_outcome_and_a_sweep_are_not_compared(swept, tmp_path):
     assert "must be two outcomes or two sweeps" in str(done.exception)
 
 
-@pytest.mark.parametrize("columns", [60, 80, 120])
-def test_no_number_is_cut_in_a_narrow_terminal(swept, tmp_path, columns):
+def test_no_number_is_cut_in_a_narrow_terminal(swept, tmp_path):
     """Catches a number that a narrow table cuts."""
     a = swept("a")
     b = swept("b", pursuers='"pure_pursuit"')
@@ -194,7 +193,7 @@ def test_no_number_is_cut_in_a_narrow_terminal(swept, tmp_path, columns):
             CliRunner()
             .invoke(app, ["compare", *map(str, pair), "--rows", "0"], env={"COLUMNS": str(width)})
             .stdout
-            for width in (columns, 400)
+            for width in (60, 400)
         ]
         narrow, wide = (re.findall(r"-?\d+\.?\d*(?:e-\d+)?", text) for text in said)
         assert narrow == wide

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.team.board import Board
-from guidance.team.messages import KINDS, RefusedMessage, RolesMessage, encode
+from guidance.team.messages import RefusedMessage, RolesMessage, encode
 from tests.harness.examples import drawn
 from tests.team.virtual_team import SITE, state_of
 
@@ -147,7 +147,3 @@ def test_an_evader_out_of_play_stays_out_and_only_known_ones_count():
     tell(here, 1.0, state_of("bravo", (0.0, 0.0, -10.0), over=("red", "green"), seq=1))
     tell(here, 2.0, state_of("bravo", (0.0, 0.0, -10.0), over=(), seq=2))
     assert here.over == {"red": 1.0}
-
-
-def test_kinds_have_schemas():
-    assert set(KINDS) == {"state", "evader", "roles"}
