@@ -23,7 +23,7 @@ from guidance.cycle import Violation
 from guidance.flight import ORDERS, Event, State
 from guidance.flight.freshness import AGES
 from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
-from guidance.links.zenoh.ros_types import ODOMETRY, POSE_STAMPED
+from guidance.links.zenoh.ros_types import ODOMETRY_TYPE, POSE_STAMPED
 from guidance.log.broadcast import broadcast_key
 from guidance.log.entries import CYCLE, EVENT, REPORT
 from guidance.log.ros import TOPICS, topic_name
@@ -362,7 +362,7 @@ def zenoh_keys() -> str:
         (
             "the key of `evader.url`",
             "listened to",
-            f"reports: JSON (config/zenoh), `{POSE_STAMPED}` or `{ODOMETRY}`",
+            f"reports: JSON (config/zenoh), `{POSE_STAMPED}` or `{ODOMETRY_TYPE}`",
         ),
     ]
     ros = [

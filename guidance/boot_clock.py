@@ -11,10 +11,10 @@ from typing import Final, NamedTuple
 
 from guidance.messages import Timesync
 
-LATE_S: Final = 0.5
+LATE_TELEMETRY_S: Final = 0.5
 """Telemetry with a larger delay keeps the vehicle on the ground and ends a game."""
 
-LONGEST_S: Final = 60.0
+LONGEST_DELAY_S: Final = 60.0
 """A computed delay is bounded by this. No link stores telemetry that long: a larger one is a wrong or hostile clock."""
 
 CONFIRMED_S: Final = 0.5
@@ -45,9 +45,9 @@ class BootClock(NamedTuple):
     Attributes:
         offset_s: Least difference of our clock and the vehicle's; -inf before the first answer to TIMESYNC.
         answered_s: When that was computed.
-        delay_s: Largest possible age of the last position when it arrived, at most `LONGEST_S`; NaN while the offset
-            is unknown.
-        late_since_s: Since when the delay exceeds `LATE_S`; inf if it does not.
+        delay_s: Largest possible age of the last position when it arrived, at most `LONGEST_DELAY_S`; NaN while the
+            offset is unknown.
+        late_since_s: Since when the delay exceeds `LATE_TELEMETRY_S`; inf if it does not.
         former_offset_s: The offset that a message from the future discarded since the last answer; NaN if none did.
         unknown_since_s: Since when that offset has no successor; inf if there is one, or never was one.
         paced: An answer a while ago, as (our time, the vehicle's); None before the first one.
@@ -64,7 +64,7 @@ class BootClock(NamedTuple):
     pace: float = 1.0
 
     def is_late(self, now_s: float) -> bool:
-        """Whether the delay has exceeded `LATE_S` for `CONFIRMED_S`, or has been unknown for `UNKNOWN_S`."""
+        """Whether the delay has exceeded `LATE_TELEMETRY_S` for `CONFIRMED_S`, or has been unknown for `UNKNOWN_S`."""
         is_unknown = now_s - self.unknown_since_s >= UNKNOWN_S
         return is_unknown or now_s - self.late_since_s >= CONFIRMED_S
 
@@ -110,7 +110,7 @@ def with_answer(clock: BootClock, answer: Timesync) -> BootClock:
 def fits_former(clock: BootClock, received_s: float, time_boot_s: float) -> bool:
     """Whether a message is in time by the offset that one from the future discarded: its sender's clock was not set."""
     late_s = math.remainder(received_s - time_boot_s - clock.former_offset_s, _WRAP_S)
-    return -_ROUNDING_S <= late_s <= LATE_S
+    return -_ROUNDING_S <= late_s <= LATE_TELEMETRY_S
 
 
 def elapsed_s(earlier_s: float, later_s: float) -> float:
@@ -132,7 +132,7 @@ def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> Bo
             pace=clock.pace,
         )
     since_s = math.inf
-    if late_s > LATE_S:
+    if late_s > LATE_TELEMETRY_S:
         since_s = min(clock.late_since_s, received_s)
-    delay_s = min(max(0.0, late_s), LONGEST_S)
+    delay_s = min(max(0.0, late_s), LONGEST_DELAY_S)
     return clock._replace(delay_s=delay_s, late_since_s=since_s)

@@ -58,7 +58,7 @@ RENAMED_EVENTS: Final[Mapping[str, str]] = {
 
 Latitude = Annotated[float, Field(ge=-85.0, le=85.0)]
 Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
-Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
+AltitudeAmsl = Annotated[float, Field(ge=-500.0, le=9000.0)]
 
 
 def lines_of(text: str, locations: Sequence[Location]) -> list[int | None]:

@@ -12,8 +12,9 @@ import numpy as np
 
 from guidance.files import writing
 from guidance.game import Ball, Game, apollonius_circle, apollonius_sphere, rollout, solve
+from guidance.game.arrays import FloatArray
 from guidance.game.rollout import Paper, Sample
-from guidance.log.scene import Array, circle
+from guidance.log.scene import circle_points
 
 GAME = Game(Ball(2.0), evader_speed_m_s=1.0)
 """δ = 2. The paper gives no speeds; its times are those of v = 1 m/s."""
@@ -119,7 +120,9 @@ def tables() -> tuple[PublishedTable, PublishedTable]:
     return pe_table, tad_table
 
 
-def _case(row: tuple[str, str, str], pursuer: Array, evader: Array, target: Array | None) -> Case:
+def _case(
+    row: tuple[str, str, str], pursuer: FloatArray, evader: FloatArray, target: FloatArray | None
+) -> Case:
     pursues, flees, published = row
     play = partial(
         rollout, GAME, pursuer, evader, target, pursuer_policy=pursues, evader_policy=flees
@@ -193,7 +196,7 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     z = centre_z + radius_m * np.sin(latitude_rad)
     shell = x, y, z
     axes.plot_wireframe(*shell, color="0.75", linewidth=0.5, zorder=1)
-    ring = circle(section.centre_m, float(section.radius_m)).T
+    ring = circle_points(section.centre_m, float(section.radius_m)).T
     axes.plot(*ring, 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
     _plot_tracks(axes, cases, [0, 1, 2], "s")
     meeting_m = solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m
@@ -236,7 +239,7 @@ def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: 
         axes.set_aspect("equal")
         axes.grid(color="0.9", linewidth=0.5)
         axes.margins(0.12, 0.16)
-    ring = circle(section.centre_m, float(section.radius_m)).T
+    ring = circle_points(section.centre_m, float(section.radius_m)).T
     plan.plot(*ring, **_APOLLONIUS)
     plan.set_title("from above, Apollonius circle dashed", fontsize=10)
     side.set_title("from the side", fontsize=10)

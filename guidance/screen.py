@@ -23,7 +23,7 @@ PIPED_COLUMNS: Final = 400
 """Width of a pipe, so that a row stays one line for `grep` and `cut`."""
 
 Cell = str | Text
-T = TypeVar("T")
+_Step = TypeVar("_Step")
 
 
 class PrintableConsole(Console):
@@ -61,7 +61,7 @@ def redraws(target: Console) -> bool:
     return target.is_terminal and not target.is_dumb_terminal
 
 
-def as_table(
+def text_table(
     headings: Sequence[str],
     rows: Iterable[Sequence[Cell]],
     *,
@@ -89,7 +89,7 @@ def as_table(
     return table
 
 
-def print_as_table(
+def print_text_table(
     target: Console,
     headings: Sequence[str],
     rows: Sequence[Sequence[Cell]],
@@ -102,9 +102,9 @@ def print_as_table(
         target: The console.
         headings: Column headings.
         rows: One cell per heading.
-        left: Indices of the text columns, as for `as_table`.
+        left: Indices of the text columns, as for `text_table`.
     """
-    table = as_table(headings, rows, left=left)
+    table = text_table(headings, rows, left=left)
     least = Measurement.get(target, target.options.update(width=PIPED_COLUMNS), table).minimum
     if least <= target.width:
         target.print(table)
@@ -114,7 +114,7 @@ def print_as_table(
         target.print()
 
 
-def counted(steps: Iterable[T], what: str, total: int) -> Iterator[T]:
+def counted(steps: Iterable[_Step], what: str, total: int) -> Iterator[_Step]:
     """Yield the steps of long work and show how many are done; a console that cannot redraw prints a line at the start.
 
     Args:

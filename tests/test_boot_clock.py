@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.boot_clock import (
-    LATE_S,
-    LONGEST_S,
+    LATE_TELEMETRY_S,
+    LONGEST_DELAY_S,
     OFFSET_DRIFT,
     UNKNOWN_S,
     BootClock,
@@ -53,7 +53,9 @@ def test_an_offset_grows_old_and_the_delay_with_it():
         assert heard(clock, 100.0 + silence_s, 0.1).delay_s == pytest.approx(
             0.1 + OFFSET_DRIFT * (silence_s + 0.1), abs=1e-6
         )
-    assert heard(clock, 100.0 + 1.1 * LATE_S / OFFSET_DRIFT, 0.0).delay_s > LATE_S
+    assert (
+        heard(clock, 100.0 + 1.1 * LATE_TELEMETRY_S / OFFSET_DRIFT, 0.0).delay_s > LATE_TELEMETRY_S
+    )
 
 
 def test_a_constant_delay_shows_although_every_message_is_as_late_as_the_others():
@@ -73,7 +75,7 @@ def test_a_growing_delay_shows_before_a_position_is_a_second_old():
         clock = heard(clock, sent_s, down_s)
         if clock.is_late(sent_s + down_s):
             break
-    assert LATE_S < down_s < 0.7
+    assert LATE_TELEMETRY_S < down_s < 0.7
 
 
 def test_without_an_answer_nothing_is_known():
@@ -130,7 +132,7 @@ def test_a_simulator_faster_than_real_time_is_named(pace):
 def test_a_simulator_that_paused_is_not_late():
     clock = heard(with_answer(BootClock(), exchange(100.0, 0.0, 0.0)), 100.1, 0.02)
     clock = heard(clock, 101.0, 0.02, AHEAD_S + 0.8)  # its clock stood still
-    assert clock.delay_s > LATE_S
+    assert clock.delay_s > LATE_TELEMETRY_S
     assert not clock.is_late(101.1)
     clock = with_answer(clock, exchange(101.1, 0.0, 0.0, AHEAD_S + 0.8))
     assert heard(clock, 101.2, 0.02, AHEAD_S + 0.8).late_since_s == math.inf
@@ -143,7 +145,7 @@ def test_no_stamp_makes_a_delay_longer_than_a_link_can_be(remote_ns, first_s, la
     clock = with_answer(BootClock(), Timesync(100.0, remote_ns, 100_000_000_000))
     for time_boot_s in (first_s, last_s):
         clock = with_position(clock, 100.1, time_boot_s)
-        assert math.isnan(clock.delay_s) or 0.0 <= clock.delay_s <= LONGEST_S
+        assert math.isnan(clock.delay_s) or 0.0 <= clock.delay_s <= LONGEST_DELAY_S
         assert math.isnan(clock.delay_s) or (clock.late_since_s == 100.1) == (
-            clock.delay_s > LATE_S
+            clock.delay_s > LATE_TELEMETRY_S
         )

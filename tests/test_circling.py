@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.cycle import ChosenCourse
-from guidance.cycle.circling import LATE_M, LATE_S, Circling
+from guidance.cycle.circling import LATE_M, LATE_PURSUIT_S, Circling
 from guidance.frames import Enu
 from guidance.game import Cylinder, Game, StandOff
 from tests.harness.guarded import SETUPS, cycle_settings
@@ -56,7 +56,7 @@ def test_an_evader_that_the_vehicle_can_follow_is_pursued_unchanged_however_late
 @given(st.floats(0.6, 1.5))
 def test_a_pursuit_whose_promise_falls_as_time_passes_is_not_late(rate_rad_s):
     memory = observed(rate_rad_s, needed_s=lambda now_s: 30.0 - now_s)
-    assert memory.late_s < LATE_S
+    assert memory.late_s < LATE_PURSUIT_S
     assert memory.share(GAME, FULL) == 0.0
 
 
@@ -73,7 +73,7 @@ def test_a_pursuit_whose_promise_stands_still_cuts_more_and_more():
 
 def test_a_delay_is_forgiven_while_the_promise_falls_again():
     memory = observed(0.8, lasting_s=20.0)
-    least_late_s = LATE_S + LATE_M / 2.0
+    least_late_s = LATE_PURSUIT_S + LATE_M / 2.0
     assert memory.late_s > least_late_s
     for step in range(round(30.0 / DT_S)):
         memory = memory.after(Enu((4.0, 0.0, 0.0)), 40.0 - step * DT_S, DT_S)

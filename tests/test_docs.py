@@ -26,7 +26,7 @@ from guidance.cli.program import app as guidance_app
 from guidance.flight.freshness import AGES
 from guidance.log.entries import CYCLE
 from guidance.sim.outcome import Outcome
-from guidance.sim.scenario_file import json_schema
+from guidance.sim.scenario_file import scenario_schema
 from sitl_mock.cli import app as mock_app
 from tests.bench.bench_walk import lines_of, named_walks
 
@@ -272,7 +272,7 @@ def test_every_link_works_on_the_site():
 def test_the_pages_made_of_the_code_name_every_key_and_every_option():
     hooks = runpy.run_path(str(DOCS / "hooks.py"), run_name="hooks")
     pages = {uri: write() for uri, write in hooks["PAGES"].items()}
-    sections = {name: part for name, part in json_schema()["$defs"].items() if name != "Range"}
+    sections = {name: part for name, part in scenario_schema()["$defs"].items() if name != "Range"}
     keys = {key for section in sections.values() for key in section.get("properties", {})}
     said = pages["reference/scenario-file.md"]
     assert [key for key in sorted(keys) if f"`{key}`" not in said and f"{key}]" not in said] == []

@@ -9,9 +9,9 @@ from guidance.cycle.monitor import (
     ARRIVAL_S,
     GUARDED_S,
     LASTING_S,
+    REPORT_STALE_S,
     SCATTER_M,
     SCATTER_M_S,
-    STALE_S,
 )
 from guidance.game import Winner
 
@@ -191,7 +191,7 @@ def test_a_stale_evader_is_reported_once_for_each_longer_silence():
     said = []
     for ages in (
         [0.1, 0.3],
-        [0.1, 0.9, STALE_S],
+        [0.1, 0.9, REPORT_STALE_S],
         [0.1, 1.1, 1.2],
         [0.1, 1.3, 1.5],
         [0.1, 1.6, 1.7, 2.0],

@@ -42,10 +42,10 @@ def _to_degrees(zero: LocalFrame, north_m: float, east_m: float) -> tuple[float,
     return latitude, zero.longitude_deg + math.degrees(east_m / (_RADIUS_M * midway))
 
 
-PROJECTION: Final = Projection(_to_metres, _to_degrees)
+_PROJECTION: Final = Projection(_to_metres, _to_degrees)
 """ArduPilot's map: equal steps of latitude and longitude, scaled at the mean latitude (`get_distance_NE`)."""
 
-HANDLING: Final = Handling(
+_HANDLING: Final = Handling(
     # WPNAV_ACCEL 2.5 m/s² bounds ArduCopter's own correction, ANGLE_MAX 30° the sum at 5.7 m/s², PSC_JERK_XY 5 m/s³
     # both. Its velocity is within 1 % of the setpoint, so the servo learns nothing. WPNAV_ACCEL_Z is 1 m/s².
     # Beside drag it gathers speed with some 3.5 m/s²: a reference that runs ahead of it costs a second at the end.
@@ -280,7 +280,7 @@ _BOUNDS_4_7: Final = (
     *_FENCE_BOUNDS,
 )
 
-VERSIONS: Final = (
+_VERSIONS: Final = (
     Version((4, 5), _RULES_4_5, _BOUNDS_4_5),
     Version((4, 6), _RULES_4_5, _BOUNDS_4_5),
     Version((4, 7), _RULES_4_7, _BOUNDS_4_7),
@@ -293,7 +293,7 @@ ARDUCOPTER: Final = Autopilot(
     custom_modes={Mode.GUIDED: 4, Mode.HOLD: 17, Mode.RETURN: 6, Mode.LAND: 9},
     mode_titles={Mode.HOLD: "BRAKE", Mode.RETURN: "RTL"},
     arming_mode=Mode.GUIDED,
-    projection=PROJECTION,
+    projection=_PROJECTION,
     unused=0.0,
     takeoff_frame=description.MAV_FRAME_GLOBAL_RELATIVE_ALT,
     stream_before_guided=False,
@@ -301,8 +301,8 @@ ARDUCOPTER: Final = Autopilot(
     waits_in_guided=True,
     prearm_always_told=False,
     streams_hz=description.STREAMS_HZ,
-    handling=HANDLING,
-    versions=VERSIONS,
+    handling=_HANDLING,
+    versions=_VERSIONS,
     uploaded_fence_counts=lambda quantities: bool(
         round(quantities.get(Quantity.FENCE_TYPE, _POLYGON)) & _POLYGON
     ),

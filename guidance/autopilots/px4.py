@@ -67,10 +67,10 @@ def _to_degrees(zero: LocalFrame, north_m: float, east_m: float) -> tuple[float,
     return math.degrees(lat), zero.longitude_deg + math.degrees(turn)
 
 
-PROJECTION: Final = Projection(_to_metres, _to_degrees)
+_PROJECTION: Final = Projection(_to_metres, _to_degrees)
 """PX4's map: azimuthal equidistant on a sphere (Snyder, Map Projections, eqs. 22-4, 22-5, 25-2)."""
 
-HANDLING: Final = Handling(
+_HANDLING: Final = Handling(
     # PX4 shapes nothing itself. MPC_TILTMAX_AIR 45° gives 9.8 m/s², of which drag takes 6 at 6 m/s (that airframe
     # flies no faster than 10 m/s); most airframes have far less, so that little is assumed and the rest learned.
     servo=ServoGains(
@@ -314,7 +314,7 @@ _OFFBOARD_ALONE: Final = {Quantity.LOSS_TIME, Quantity.LOSS_ACTION, Quantity.STI
 """When answers stop in a mode of ours, PX4 returns, or lands if it cannot, and sticks do not end the mode: no parameter
 changes either."""
 
-VERSIONS: Final = (
+_VERSIONS: Final = (
     Version((1, 17), _RULES_1_17, _BOUNDS),
     Version(
         (1, 18),
@@ -386,7 +386,7 @@ _OFFBOARD: Final = Autopilot(
     },
     mode_titles={Mode.GUIDED: "OFFBOARD"},
     arming_mode=Mode.HOLD,
-    projection=PROJECTION,
+    projection=_PROJECTION,
     unused=math.nan,
     takeoff_frame=MAV_FRAME_GLOBAL,
     stream_before_guided=True,
@@ -394,8 +394,8 @@ _OFFBOARD: Final = Autopilot(
     waits_in_guided=False,
     prearm_always_told=True,
     streams_hz={**STREAMS_HZ, ODOMETRY: 10.0},
-    handling=HANDLING,
-    versions=VERSIONS,
+    handling=_HANDLING,
+    versions=_VERSIONS,
     # Neither 0 (none) nor 1 (warning) acts.
     uploaded_fence_counts=lambda quantities: round(quantities.get(Quantity.FENCE_ACTION, 2)) > 1,
     one_inclusion_is_enough=True,

@@ -67,10 +67,10 @@ def _short_order(arguments: Sequence[str]) -> int | None:
     options: dict[str, Any] = {
         name[2:].replace("-", "_"): _OPTIONS[name](word) for name, word in option_words.items()
     }
-    return max(map(print_answer, ask(arguments[1], **options)))
+    return max(map(print_answer, ask_daemon(arguments[1], **options)))
 
 
-def ask(
+def ask_daemon(
     order: str,
     *,
     endpoint: str | None = None,

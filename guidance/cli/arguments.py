@@ -30,7 +30,7 @@ def completed_scenario(incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
 
-Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before arming or setting.")]
 AllRows = Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")]
 ScenarioName = Annotated[

@@ -2,15 +2,13 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import typer
 
-from guidance.session.orders.replies import refused
+from guidance.session.orders.replies import Reply, refused
 
 POLL_S: Final = 0.2
-
-Answer = Mapping[str, Any]
 
 
 class OrderStates(NamedTuple):
@@ -41,15 +39,15 @@ AIMS: Final[Mapping[str, OrderStates]] = {
 }
 """For each order that can be waited for. Any other state ends the wait: the order was not carried out."""
 
-CAPTURED: Final = ("stand-off reached", "stand-off reached, return configured")
+_CAPTURED: Final = ("stand-off reached", "stand-off reached, return configured")
 """Causes of a state that carry out `engage` in every state: what follows is the vehicle file's `after_capture`."""
 
 
 def carried_out(
     order: str,
-    ask_status: Callable[[], Sequence[Answer]],
+    ask_status: Callable[[], Sequence[Reply]],
     sleep: Callable[[float], None] = time.sleep,
-) -> Sequence[Answer]:
+) -> Sequence[Reply]:
     """Wait until every vehicle has carried out an order or cannot any more; say each change of state meanwhile.
 
     Args:
@@ -74,7 +72,7 @@ def carried_out(
             not _is_done(order, status, aim) and status.get("state") in aim.under_way
             for status in statuses
         ):
-            answers: list[Answer] = []
+            answers: list[Reply] = []
             for status in statuses:
                 name = str(status["name"])
                 state = str(status.get("state", ""))
@@ -93,9 +91,9 @@ def carried_out(
         sleep(POLL_S)
 
 
-def _is_done(order: str, status: Answer, aim: OrderStates) -> bool:
+def _is_done(order: str, status: Reply, aim: OrderStates) -> bool:
     if order == "hold" and status.get("mode") != "hold":
         return False
-    if order == "engage" and status.get("cause") in CAPTURED:
+    if order == "engage" and status.get("cause") in _CAPTURED:
         return True
     return status.get("state") in aim.done

@@ -10,8 +10,8 @@ import typer
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from guidance.cli import INTERRUPTED, ask, print_answer
-from guidance.cli.arguments import Json, Panel, TokenFile, ZenohFile, completed
+from guidance.cli import INTERRUPTED, ask_daemon, print_answer
+from guidance.cli.arguments import AsJson, Panel, TokenFile, ZenohFile, completed
 from guidance.cli.carrying_out import AIMS, carried_out
 from guidance.cli.viewers import panel_beside
 from guidance.config import find
@@ -78,7 +78,7 @@ def ctl(
     endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = ENDPOINT,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Give a running daemon an order, and say what became of it; `status` shows where the flight stands.
 
@@ -108,11 +108,11 @@ def ctl(
         allowed = ", ".join(AIMS)
         raise ConfigError(f"--wait: only with {allowed}, not with {order}; remove it")
     by: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file, "zenoh": zenoh}
-    answers = ask(order, name=name, team=team, **by)
+    answers = ask_daemon(order, name=name, team=team, **by)
     if wait and all(answer["accepted"] for answer in answers):
         if team is None and name is None:
             name = str(answers[0]["name"])
-        answers = carried_out(order, lambda: ask(STATUS, name=name, team=team, **by))
+        answers = carried_out(order, lambda: ask_daemon(STATUS, name=name, team=team, **by))
     if as_json:
         document = answers[0] if team is None else answers
         typer.echo(json.dumps(document, indent=2))

@@ -28,7 +28,7 @@ from guidance.flight import State
 from guidance.links.port import is_px4
 from guidance.log.entries import OUTCOME
 from guidance.screen import aged, console, headed, live, pairs, redraws
-from guidance.session.flight_files import PICTURE, RECORD, TEAM, flight_folder
+from guidance.session.flight_files import PICTURE, RECORD, TEAM_FOLDER, flight_folder
 from guidance.session.fly.mission import Progress
 from guidance.session.fly.result import (
     FlightResult,
@@ -102,7 +102,7 @@ def fly(
             metavar="ENDPOINT",
         ),
     ] = None,
-    as_json: arguments.Json = False,
+    as_json: arguments.AsJson = False,
 ) -> None:
     """Fly a pursuit, of the mock or of an autopilot that runs already, and show how it compares with the game's value.
 
@@ -316,7 +316,7 @@ def fly_rows(
     Returns:
         The result, its rows and the folder.
     """
-    team_option = f" --team {TEAM}" if isinstance(scenario, TeamScenario) else ""
+    team_option = f" --team {TEAM_FOLDER}" if isinstance(scenario, TeamScenario) else ""
     on_control = onlooker.on_control
 
     def tell_endpoint(endpoint: str) -> None:

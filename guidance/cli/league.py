@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from guidance.cli.arguments import CommandGroup, Json, completed, completed_scenario
+from guidance.cli.arguments import AsJson, CommandGroup, completed, completed_scenario
 from guidance.extras import require_extras
 from guidance.screen import console, counted, headed
 
@@ -51,7 +51,7 @@ def run(
     worst: Annotated[
         int, typer.Option(min=0, help="With --out: worst states against each opponent.")
     ] = 3,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Play a policy, and beside it the built-in strategies, against the optimum and each built-in strategy.
 

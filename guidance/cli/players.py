@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rich.console import Console
 
-from guidance.screen import Cell, print_as_table
+from guidance.screen import Cell, print_text_table
 from guidance.sim.outcome import outcome_json
 from guidance.sim.scenario import Scenario
 from guidance.sim.teams import TeamOutcome, TeamScenario, summary_of
@@ -58,7 +58,7 @@ def tell_players(
                 _cell_of_words(", ", flight.limits),
             ]
         cells.append(line)
-    print_as_table(console, headings, cells, left=range(len(headings)))
+    print_text_table(console, headings, cells, left=range(len(headings)))
     if not rows:
         return
     headings = ["evader", "end", *_ROLES, "captor", *_NUMBERS]
@@ -75,10 +75,10 @@ def tell_players(
             line.append(_promise_verdict(result, row, evader))
         cells.append(line)
     text_columns = [column for column, heading in enumerate(headings) if heading not in _NUMBERS]
-    print_as_table(console, headings, cells, left=text_columns)
+    print_text_table(console, headings, cells, left=text_columns)
     summary = summary_of(rows)
     team = [(rows[0].game, *map(as_text, summary.values()))]
-    print_as_table(console, ("team", *summary), team, left=(0,))
+    print_text_table(console, ("team", *summary), team, left=(0,))
 
 
 def _evader_name(row: TeamOutcome) -> str:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from guidance.cli.arguments import CommandGroup, Json
+from guidance.cli.arguments import AsJson, CommandGroup
 from guidance.errors import ConfigError
 from guidance.extras import require_extras
 from guidance.log import (
@@ -23,11 +23,11 @@ from guidance.log import (
     title_of,
 )
 from guidance.log import export as exports
-from guidance.log.bag import FOLDER, write_bag
+from guidance.log.bag import BAG_FOLDER, write_bag
 from guidance.log.entries import CYCLE, cycle_entry
 from guidance.log.replay import Comparison, Difference
 from guidance.messages import EvaderReport
-from guidance.screen import as_table, console, live, pairs
+from guidance.screen import console, live, pairs, text_table
 from guidance.session.flight_files import RECORD, changes_of, recorded_settings
 from guidance.texts import printable
 
@@ -75,8 +75,8 @@ def bag_folder(path: Path) -> Path:
     """Return the default folder of a bag: in a flight's folder, or beside a record under its name."""
     if path.is_dir() or path.name == RECORD:
         folder = path if path.is_dir() else path.parent
-        return folder / FOLDER
-    return path.with_name(f"{path.stem}-{FOLDER}")
+        return folder / BAG_FOLDER
+    return path.with_name(f"{path.stem}-{BAG_FOLDER}")
 
 
 File = Annotated[
@@ -86,7 +86,7 @@ File = Annotated[
 
 
 @log.command()
-def info(file: File, as_json: Json = False) -> None:
+def info(file: File, as_json: AsJson = False) -> None:
     """Show duration, channels and versions of a record, and whether it is complete."""
     survey = Survey()
     with record_errors(file):
@@ -120,7 +120,7 @@ def info(file: File, as_json: Json = False) -> None:
         messages = str(survey.messages[topic])
         size_kib = survey.data_bytes[topic] / 1024
         rows.append((messages, f"{size_kib:.1f}", Text(printable(topic))))
-    target.print(as_table(("messages", "KiB", "channel"), rows, left=(2,)))
+    target.print(text_table(("messages", "KiB", "channel"), rows, left=(2,)))
     for source, count in reports.items():
         target.print(Text(f"{count} reports of the evader by {printable(source)}"))
     metadata = []
@@ -141,7 +141,7 @@ def _source(report: EvaderReport) -> str:
 
 
 @log.command()
-def events(file: File, as_json: Json = False) -> None:
+def events(file: File, as_json: AsJson = False) -> None:
     """List the events of a record: time, event and detail."""
     with record_errors(file):
         events = list(events_of(file))
@@ -154,7 +154,7 @@ def events(file: File, as_json: Json = False) -> None:
         name = Text(printable(event.event))
         detail = Text(printable(event.words))
         rows.append((f"{event.now_s:.3f}", name, detail))
-    console().print(as_table(("time, s", "event", "detail"), rows, left=(1, 2)))
+    console().print(text_table(("time, s", "event", "detail"), rows, left=(1, 2)))
 
 
 @log.command()
@@ -195,7 +195,7 @@ def replay(
     changes: Annotated[
         list[str] | None, typer.Option("--with", help="KEY=VALUE; may be repeated.")
     ] = None,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run the present code on the recorded inputs and compare the setpoints bit for bit.
 

@@ -17,7 +17,7 @@ from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require_extras
 from guidance.game.speed_sets import speed_set_named
-from guidance.screen import as_table, console, headed, pairs
+from guidance.screen import console, headed, pairs, text_table
 from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play_scenarios
@@ -29,7 +29,7 @@ from guidance.sim.scenario import (
     Scenario,
     Target,
 )
-from guidance.sim.scenario_file import FOLDER, load_any
+from guidance.sim.scenario_file import SCENARIO_FOLDER, load_any
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
 from guidance.texts import printable
 
@@ -82,7 +82,7 @@ def run(
         ),
     ] = None,
     seed: arguments.Seed = None,
-    as_json: arguments.Json = False,
+    as_json: arguments.AsJson = False,
 ) -> None:
     """Run one scenario and show the outcome beside the game's value.
 
@@ -206,7 +206,7 @@ def _verdicts(
         cells.append((verdict.column, verdict.expected, value, judgements[verdict.held]))
     if cells:
         headings = ("column", "expected", "came out", "verdict")
-        screen.print(as_table(headings, cells, left=range(4), title="expected"))
+        screen.print(text_table(headings, cells, left=range(4), title="expected"))
     return verdicts
 
 
@@ -219,7 +219,7 @@ def _unit(column: str) -> str:
 
 
 @scenario.command(name="list")
-def list_all(as_json: arguments.Json = False) -> None:
+def list_all(as_json: arguments.AsJson = False) -> None:
     """List the bundled scenarios; `guidance scenario show NAME` explains one."""
     if as_json:
         documents = [dict(zip(_LISTED, row, strict=True)) for row in listed()]
@@ -232,7 +232,7 @@ def list_all(as_json: arguments.Json = False) -> None:
 def show(
     name: arguments.ScenarioName,
     out: Annotated[Path | None, typer.Option(help="Draw a picture into this file.")] = None,
-    as_json: arguments.Json = False,
+    as_json: arguments.AsJson = False,
 ) -> None:
     """Explain a scenario: players, places and the game's value. `--out` draws how the mathematics plays it.
 
@@ -275,7 +275,7 @@ def show(
 
 def names() -> list[str]:
     """Return the names of the bundled scenarios."""
-    files = (config_folder() / FOLDER).glob("*.toml")
+    files = (config_folder() / SCENARIO_FOLDER).glob("*.toml")
     return sorted(path.stem for path in files)
 
 
@@ -292,7 +292,7 @@ def listing(width: int) -> Table:
     if width < 120:
         columns -= 1
     rows = [row[:columns] for row in listed()]
-    return as_table(_LISTED[:columns], rows, left=range(columns))
+    return text_table(_LISTED[:columns], rows, left=range(columns))
 
 
 def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:

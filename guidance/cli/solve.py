@@ -13,13 +13,13 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from guidance.cli.arguments import Json, refuse
+from guidance.cli.arguments import AsJson, refuse
 from guidance.errors import ConfigError
 from guidance.extras import require_extras
 from guidance.files import writing
 from guidance.game import Ball, Cylinder, Game, Reason, Solution, SpeedSet, StandOff, Winner
 from guidance.game import solve as solve_game
-from guidance.screen import as_table, console, pairs
+from guidance.screen import console, pairs, text_table
 
 
 def solve(
@@ -39,7 +39,7 @@ def solve(
     standoff: Annotated[
         str, typer.Option(help="Radius and height R,h of the stand-off disc, m.")
     ] = "0,0",
-    as_json: Json = False,
+    as_json: AsJson = False,
     states: Annotated[
         Path | None, typer.Option(help="CSV or Parquet file with a state in each row.")
     ] = None,
@@ -150,7 +150,7 @@ def paper(
         "paper"
     ),
     figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Recompute the paper's tables and figures; the exit code is 1 if a published digit differs."""
     from guidance.paper import draw_figures, tables  # noqa: PLC0415
@@ -177,7 +177,7 @@ def paper(
                 mark = "✓" if case.matches else "✗"
                 cells.append((*case.strategies, case.published, case.stepped, case.exact, mark))
             title = f"{table.title}; {table.quantity}"
-            target.print(as_table(headings, cells, left=(0, 1), title=title))
+            target.print(text_table(headings, cells, left=(0, 1), title=title))
         right = matches.count(True)
         target.print(f"{right} of {len(matches)} published cells match in every digit.")
     if figures:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from guidance.cli.arguments import CommandGroup, Json, completed
+from guidance.cli.arguments import AsJson, CommandGroup, completed
 from guidance.extras import require_extras
 
 
@@ -125,7 +125,7 @@ def report(
     worst: Annotated[
         int, typer.Option(min=0, help="Worst games of each pair of policies, as scenario files.")
     ] = 3,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Report captures and regret for each pair of policies and each swept value.
 
@@ -136,9 +136,9 @@ def report(
     Writes report.json, pictures as PNG and PDF, and the worst games as scenario files for `guidance scenario run`.
     """
     require_extras("guidance sweep report", "sim", "plot")
-    from guidance.sweeps.report import write_report  # noqa: PLC0415 - matplotlib takes a second
+    from guidance.sweeps.report import write_sweep_report  # noqa: PLC0415 - matplotlib takes a second
 
-    for path in write_report(
+    for path in write_sweep_report(
         folder, folder / "report" if out is None else out, worst=worst, as_json=as_json
     ):
         typer.echo(str(path), err=as_json)
@@ -154,7 +154,7 @@ def compare(
         str, typer.Option("--by", help="Sweeps: the column whose rows are listed.")
     ] = "game_time_s",
     rows: Annotated[int, typer.Option(min=0, help="Sweeps: number of rows to list.")] = 10,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare two outcomes or two sweeps; differences are B minus A.
 

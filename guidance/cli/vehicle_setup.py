@@ -22,7 +22,7 @@ from guidance.errors import ConfigError, FlightError
 from guidance.extras import require_extras
 from guidance.files import writing
 from guidance.links.port import is_px4, parse
-from guidance.screen import as_table, console, waiting
+from guidance.screen import console, text_table, waiting
 from guidance.session.checkup import SURVEY_LIMIT_S, Checkup, checkup_of, examine
 from guidance.session.open import discovery
 from guidance.session.vehicle_file import load_vehicle
@@ -61,7 +61,7 @@ def init(
     surveyed = None
     if url is not None:
         parse(url)  # report a wrong URL before waiting
-        limit_s = discovery.FOUND_WITHIN_S + discovery.READ_WITHIN_S
+        limit_s = discovery.FOUND_WITHIN_S + discovery.DISCOVERED_WITHIN_S
         with waiting(console(stderr=True), f"a HEARTBEAT at {url}, and its limits", limit_s):
             surveyed = discovery.survey(url, autopilot)
         autopilot = surveyed.autopilot
@@ -78,7 +78,7 @@ def doctor(
         str | None, typer.Argument(help="A vehicle file; default: the usual ports and folders.")
     ] = None,
     all_rows: arguments.AllRows = False,
-    as_json: arguments.Json = False,
+    as_json: arguments.AsJson = False,
 ) -> None:
     """Check this computer: clocks, timing, real-time scheduling, ports, serial rights, folders, disk and extras.
 
@@ -111,7 +111,7 @@ def check(
     ] = False,
     yes: arguments.Yes = False,
     all_rows: arguments.AllRows = False,
-    as_json: arguments.Json = False,
+    as_json: arguments.AsJson = False,
 ) -> None:
     """Check the autopilot's parameters, frames and stream rates. Sets nothing without `--apply`.
 
@@ -225,7 +225,7 @@ def _print_table(screen: Console, lines: Iterable[tuple[str, str, str]]) -> None
         (Text(verdict, style=_STYLE[verdict]), name, Text(words)) for verdict, name, words in lines
     ]
     if rows:
-        screen.print(as_table(("verdict", "name", "value"), rows, left=range(3)))
+        screen.print(text_table(("verdict", "name", "value"), rows, left=range(3)))
 
 
 def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.")]) -> None:
@@ -235,14 +235,14 @@ def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.
 
     - `guidance schema vehicle > vehicle.schema.json`
     """
-    if kind not in KINDS:
-        raise ConfigError(f"{kind}: allowed are {', '.join(KINDS)}")
+    if kind not in SCHEMAS:
+        raise ConfigError(f"{kind}: allowed are {', '.join(SCHEMAS)}")
     typer.echo(json.dumps(schema_of(kind), indent=2))
 
 
-KINDS: Final = {
-    "vehicle": "guidance.session.vehicle_file:json_schema",
-    "scenario": "guidance.sim.scenario_file:json_schema",
+SCHEMAS: Final = {
+    "vehicle": "guidance.session.vehicle_file:vehicle_schema",
+    "scenario": "guidance.sim.scenario_file:scenario_schema",
     "sweep": "guidance.sweeps.plan:Plan.model_json_schema",
 }
 """Kind of file -> the function that makes its schema, imported when it is asked for."""
@@ -252,7 +252,7 @@ def schema_of(kind: str) -> dict[str, Any]:
     """Return the JSON Schema of a kind of file."""
     if kind == "sweep":
         require_extras("schema sweep", "sim")
-    content = resolve_name(KINDS[kind])()
+    content = resolve_name(SCHEMAS[kind])()
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **content,

@@ -20,8 +20,8 @@ from guidance.errors import ConfigError
 from guidance.extras import require_extras
 from guidance.session.orders.words import ENDPOINT
 
-Port = partial(typer.Option, min=0, max=65535)
-STOP_LIMIT_S: Final = 5.0
+_Port = partial(typer.Option, min=0, max=65535)
+_STOP_LIMIT_S: Final = 5.0
 TILES: Final = "GUIDANCE_TILES"
 """Environment variable with the default of --tiles, also for the pages beside a flight."""
 
@@ -49,10 +49,10 @@ def view(
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
     port: Annotated[
-        int, Port(help="TCP port of the recording on loopback; 0 picks a free one.")
+        int, _Port(help="TCP port of the recording on loopback; 0 picks a free one.")
     ] = 9876,
     web_port: Annotated[
-        int, Port(help="TCP port of the page on loopback; 0 picks a free one.")
+        int, _Port(help="TCP port of the page on loopback; 0 picks a free one.")
     ] = 9090,
 ) -> None:
     """Show a flight in Rerun: both vehicles, stand-off disc, isochron, meeting point, fence, plots and events.
@@ -102,7 +102,7 @@ def panel(
     endpoint: Annotated[
         list[str] | None, typer.Option(help="Of daemons; repeatable.", show_default=ENDPOINT)
     ] = None,
-    port: Annotated[int, Port(help="TCP port of the page; 0 picks a free one.")] = 8088,
+    port: Annotated[int, _Port(help="TCP port of the page; 0 picks a free one.")] = 8088,
     host: Annotated[
         str, typer.Option(help="Its address; others than loopback need TLS and a password.")
     ] = "127.0.0.1",
@@ -136,13 +136,13 @@ def panel(
     from guidance.links.zenoh.access import read_credentials  # noqa: PLC0415 - slow imports
     from guidance.viz.panel.access import Access, listening_socket, map_of, remote_access  # noqa: PLC0415
     from guidance.viz.panel.hub import DaemonBus, Hub  # noqa: PLC0415
-    from guidance.viz.panel.server import NICE, PanelServer  # noqa: PLC0415
+    from guidance.viz.panel.server import PANEL_NICE, PanelServer  # noqa: PLC0415
 
     map_of(tiles)
     credentials = read_credentials(zenoh)
     security = remote_access(host, certificate, key, password_file)
     with listening_socket(host, port) as listening:
-        os.nice(NICE)
+        os.nice(PANEL_NICE)
         clock = MonotonicClock()
         access = Access(host, listening.getsockname()[1], security, clock, typer.echo)
         if not endpoint:
@@ -185,11 +185,11 @@ class CommandBeside:
                 say(line.rstrip())
 
     def close(self) -> None:
-        """End it, by force after `STOP_LIMIT_S`. May be called twice."""
+        """End it, by force after `_STOP_LIMIT_S`. May be called twice."""
         assert self.child.stdin is not None
         self.child.stdin.close()
         try:
-            self.child.wait(STOP_LIMIT_S)
+            self.child.wait(_STOP_LIMIT_S)
         except subprocess.TimeoutExpired:
             self.child.kill()
             self.child.wait()

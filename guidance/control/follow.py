@@ -52,7 +52,7 @@ ABOVE_M = 1.0
 above, it could not capture an evader that passes."""
 
 SETTLE_S = 1.2
-LARGEST_M_S = 0.6
+LARGEST_CORRECTION_M_S = 0.6
 JUMP_M = 1.0
 _TOUCH_M = 1e-3
 
@@ -95,7 +95,9 @@ def observe_drift(
     position = expected + 2.0 * off * dt_s / SETTLE_S
     if math.dist(position_ned_m, position) > JUMP_M:
         return Drift(drift.velocity_ned_m_s, position_ned_m)
-    bounded = Ned([max(-LARGEST_M_S, min(LARGEST_M_S, part)) for part in learned])
+    bounded = Ned(
+        [max(-LARGEST_CORRECTION_M_S, min(LARGEST_CORRECTION_M_S, part)) for part in learned]
+    )
     return Drift(bounded, position)
 
 

@@ -11,7 +11,7 @@ from guidance.errors import ConfigError
 from guidance.frames import LocalFrame, Ned
 
 Point = tuple[float, float]
-Edge = tuple[Point, Point]
+_Edge = tuple[Point, Point]
 
 MOST_CORNERS: Final = 200
 """Most corners of a fence. Every edge is a wall in every cycle; PX4 and ArduCopter store 64 and 84 corners."""
@@ -53,7 +53,7 @@ class Polygon:
                     f"fence_polygon: edges {first} and {second} cross or touch; give the corners in order"
                 )
 
-    def edges(self) -> tuple[Edge, ...]:
+    def edges(self) -> tuple[_Edge, ...]:
         """The edges as pairs of corners."""
         return tuple(pairwise((*self.corners_ne_m, self.corners_ne_m[0])))
 
@@ -120,7 +120,7 @@ def _turn(a: Point, b: Point, c: Point) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _on(edge: Edge, point: Point) -> bool:
+def _on(edge: _Edge, point: Point) -> bool:
     a, b = edge
     if not min(a[0], b[0]) <= point[0] <= max(a[0], b[0]):
         return False
@@ -129,7 +129,7 @@ def _on(edge: Edge, point: Point) -> bool:
     return _turn(a, b, point) == 0.0
 
 
-def crossing_edges(edges: Sequence[Edge]) -> tuple[int, int] | None:
+def crossing_edges(edges: Sequence[_Edge]) -> tuple[int, int] | None:
     """Return two edges of a closed line that cross, touch or fold back, by their numbers; None if it is simple.
 
     A line sweeps over the plane, and only edges that are neighbours on it are compared: O(n log n) comparisons. Source:
@@ -158,13 +158,13 @@ def crossing_edges(edges: Sequence[Edge]) -> tuple[int, int] | None:
     return None
 
 
-def _edges_cross(edges: Sequence[Edge], first: int, second: int) -> bool:
+def _edges_cross(edges: Sequence[_Edge], first: int, second: int) -> bool:
     """Whether two edges of a closed line, by their numbers in order, have more in common than a corner."""
     neighbours = second - first in (1, len(edges) - 1)
     return edges_meet(edges[first], edges[second], neighbours=neighbours)
 
 
-def _is_above(span: Edge, beginning: Edge) -> bool:
+def _is_above(span: _Edge, beginning: _Edge) -> bool:
     """Whether an edge on the sweeping line is above the edge that begins there; where both meet, beyond it."""
     turn = _turn(*span, beginning[0])
     if turn == 0.0:
@@ -172,7 +172,7 @@ def _is_above(span: Edge, beginning: Edge) -> bool:
     return turn < 0.0
 
 
-def edges_meet(edge: Edge, second_edge: Edge, *, neighbours: bool) -> bool:
+def edges_meet(edge: _Edge, second_edge: _Edge, *, neighbours: bool) -> bool:
     """Return whether two edges cross or touch; neighbours, with a common corner, whether they fold back."""
     a, b = edge
     c, d = second_edge

@@ -186,7 +186,7 @@ def _learned(
 
 
 GAIN_PER_S: Final = 0.8
-LARGEST_M_S: Final = 0.5
+LARGEST_INTEGRAL_M_S: Final = 0.5
 AT_REST_M_S: Final = 0.5
 AWAY_M: Final = 1.5
 _INTEGRAL_PER_S2: Final = 0.08
@@ -224,7 +224,7 @@ def hold_altitude(
     error_m = held_m - down_m
     if abs(error_m) < AWAY_M:
         trim_m_s += _INTEGRAL_PER_S2 * error_m * min(LONGEST_STEP_S, max(0.0, dt_s))
-        trim_m_s = min(LARGEST_M_S, max(-LARGEST_M_S, trim_m_s))
+        trim_m_s = min(LARGEST_INTEGRAL_M_S, max(-LARGEST_INTEGRAL_M_S, trim_m_s))
     reach_m_s = approach_speed(abs(error_m), envelope.vertical_braking_m_s2, 1.0 / GAIN_PER_S)
     wanted_m_s = math.copysign(reach_m_s, error_m) + trim_m_s
     return min(envelope.descent_m_s, max(-envelope.climb_m_s, wanted_m_s)), AltitudeHold(
@@ -250,7 +250,7 @@ def keep_station(
         return (0.0, 0.0), here
     north, east = (GAIN_PER_S * (held - now) for held, now in zip(place, here, strict=True))
     speed = math.hypot(north, east)
-    share = LARGEST_M_S / speed if speed > LARGEST_M_S else 1.0
+    share = LARGEST_INTEGRAL_M_S / speed if speed > LARGEST_INTEGRAL_M_S else 1.0
     return (share * north, share * east), place
 
 

@@ -37,7 +37,7 @@ from guidance.control.servo import LONGEST_STEP_S, shape
 from guidance.frames import STILL, Ned, usable
 from guidance.messages import Setpoint
 
-Numbers = tuple[float, ...]
+_Row = tuple[float, ...]
 
 NOTED: Final = 0.05
 """A limiter other than a wall is named for a change of more than this (m/s, m/s², or rad).
@@ -185,12 +185,12 @@ def limit(  # noqa: PLR0914
 
 def _numbers(
     situation: Situation, command: Setpoint, memory: LimitMemory
-) -> tuple[Numbers, Numbers, Numbers]:
+) -> tuple[_Row, _Row, _Row]:
     """Return the numbers without which no limit can be checked, those of the command, and those of the memory."""
-    state: Numbers = (*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad)
+    state: _Row = (*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad)
     if situation.evader_position_ned_m is not None:
         state = (*state, *situation.evader_position_ned_m)
-    demands: Numbers = command.velocity_ned_m_s
+    demands: _Row = command.velocity_ned_m_s
     if command.acceleration_ned_m_s2 is not None:
         demands = (*demands, *command.acceleration_ned_m_s2)
     if command.yaw_rad is not None:

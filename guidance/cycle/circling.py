@@ -17,7 +17,7 @@ from guidance.cycle.players import Capability, Players, late_start
 from guidance.frames import Enu
 from guidance.game import Game
 
-LATE_S: Final = 1.0
+LATE_PURSUIT_S: Final = 1.0
 LATE_M: Final = 1.0
 """A pursuit is late from this delay on, and the time in which it closes this distance: errors of the estimates."""
 
@@ -87,7 +87,11 @@ class Circling(NamedTuple):
 
     def noticed_s(self, game: Game) -> float:
         """Return the delay after which a pursuit is wholly late."""
-        return LATE_S + LATE_M / (game.pursuer.horizontal_m_s - game.evader_speed_m_s) + WHOLLY_S
+        return (
+            LATE_PURSUIT_S
+            + LATE_M / (game.pursuer.horizontal_m_s - game.evader_speed_m_s)
+            + WHOLLY_S
+        )
 
     def share(self, game: Game, vehicle: Capability) -> float:
         """Return how much of the velocity leads to the predicted path, 0 to 1."""

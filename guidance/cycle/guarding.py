@@ -28,19 +28,16 @@ All velocities here are relative to the target, so a target that moves is met wh
 
 import math
 from functools import lru_cache
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from guidance.control.arrival import Stop, closing_s, meeting_s
 from guidance.cycle.players import Capability, Players
 from guidance.frames import Enu
 from guidance.game import Extent, Game, StateSolution
-from guidance.game.arrays import FLOATS
+from guidance.game.arrays import FLOATS, Array
 from guidance.game.extent import to_set
-
-Array = NDArray[Any]
 
 GUARD_LAG_S: Final = 1.0
 """Time constant of the stop above the target; with the reaction time, commands that change late make it overshoot."""

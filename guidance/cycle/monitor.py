@@ -33,9 +33,9 @@ GUARDED_S: Final = 1.5
 """The barrier counts as won once the vehicle's verdict has lasted for so long, in which a braking vehicle turns."""
 
 ARRIVAL_S: Final = 1.5
-STALE_S: Final = 1.0
+REPORT_STALE_S: Final = 1.0
 STALER: Final = 1.5
-"""A report is stale if it is older than `STALE_S` and than this many times the largest age before."""
+"""A report is stale if it is older than `REPORT_STALE_S` and than this many times the largest age before."""
 
 SLOWER: Final = 0.02
 """Least relative fall of the reachable speed after which the promise starts anew."""
@@ -134,7 +134,7 @@ def watch(
     if latest.winner == Winner.UNDECIDED or math.isnan(latest.value):
         return memory, None
     age_s = latest.evader_age_s
-    if age_s > max(STALE_S, STALER * memory.oldest_s):
+    if age_s > max(REPORT_STALE_S, STALER * memory.oldest_s):
         return memory._replace(oldest_s=age_s), Alarm(Violation.STALE, age_s)
     if latest.reason == Reason.TOO_OLD:  # no promise now; it starts anew with the next report
         memory = memory.restarted()._replace(lost=None)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from guidance.config import Altitude, Latitude, Longitude, Section, faults_of
+from guidance.config import AltitudeAmsl, Latitude, Longitude, Section, faults_of
 from guidance.control import Speeds
 from guidance.frames import Amsl, LocalFrame
 from guidance.game import Extent
@@ -34,7 +34,7 @@ class TargetSection(Section):
 
     latitude_deg: Latitude = Field(description="north is positive")
     longitude_deg: Longitude = Field(description="east is positive")
-    altitude_amsl_m: Altitude = Field(
+    altitude_amsl_m: AltitudeAmsl = Field(
         0.0, description="information only: the game uses height differences"
     )
     polygon_deg: tuple[tuple[Latitude, Longitude], ...] = Field(

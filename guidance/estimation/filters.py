@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 from guidance.estimation.measurement import TrackSettings
 from guidance.frames import STILL, Ned
 
-Numbers = Sequence[float]
+Components = Sequence[float]
 
 _SMALL_TURN_RAD = 1e-3
 
@@ -36,7 +36,7 @@ def _cell(row: int, column: int) -> int:
     return _CELLS.index((max(row, column), min(row, column)))
 
 
-_Pick = Callable[[Numbers], tuple[float, ...]]
+_Pick = Callable[[Components], tuple[float, ...]]
 
 
 class Layout(NamedTuple):
@@ -76,8 +76,8 @@ _RATE_CELLS = (_cell(_NORTH_RATE, _NORTH_RATE), _cell(_EAST_RATE, _EAST_RATE))
 class Normal(NamedTuple):
     """A normal distribution of the state: its mean (n,) and, by rows, the lower triangle of its covariance."""
 
-    mean: Numbers
-    covariance: Numbers
+    mean: Components
+    covariance: Components
 
 
 class Modes(NamedTuple):
@@ -88,7 +88,7 @@ class Modes(NamedTuple):
     turning_share: float
 
 
-def begin(measured: Numbers, variances: Numbers, settings: TrackSettings) -> Modes:
+def begin(measured: Components, variances: Components, settings: TrackSettings) -> Modes:
     """Begin both models with a report of position (2,), or position and velocity (4,), and its variances."""
     unknown = 4 - len(measured)
     spreads = (
@@ -212,7 +212,7 @@ class TurnJacobian(NamedTuple):
     east_rate: float
     fade: float
 
-    def transformed(self, covariance: Numbers) -> list[float]:
+    def transformed(self, covariance: Components) -> list[float]:
         """Return the lower triangle of J P Jᵀ for the lower triangle of P."""
         sine, cosine, along_s, across_s, _, _ = self.turn
         _, north_by_turn, east_by_turn, north_rate_by_turn, east_rate_by_turn, fade = self
@@ -271,12 +271,12 @@ def position_variance(state: Normal) -> float:
     return max(state.covariance[_cell(0, 0)], state.covariance[_cell(1, 1)])
 
 
-def distance(modes: Modes, measured: Numbers, variances: Numbers) -> float:
+def distance(modes: Modes, measured: Components, variances: Components) -> float:
     """Return νᵀS⁻¹ν of a report and the mixture: χ² distributed with as many degrees as there are numbers."""
     return _corrected(blended(*modes), measured, variances).distance
 
 
-def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
+def correct(modes: Modes, measured: Components, variances: Components) -> Modes:
     """Correct both models with a report of position (2,), or position and velocity (4,), and its variances."""
     steady = _corrected(modes.steady, measured, variances)
     turning = _corrected(modes.turning, measured, variances)
@@ -304,7 +304,7 @@ class Correction(NamedTuple):
     spread: float
 
 
-def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> Correction:
+def _corrected(state: Normal, measured: Components, variances: Components) -> Correction:
     """Correct by one number after the other, as their errors are independent."""
     mean = state.mean
     covariance = state.covariance

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 from guidance.estimation.measurement import Measurement
 
-WINDOW_S: Final = 2.0
+_WINDOW_S: Final = 2.0
 """Time over which positions and velocities are compared; longer if reports are rarer than two a second."""
 
 _LEAST_SAMPLES: Final = 4
@@ -106,14 +106,14 @@ def check_velocity(check: VelocityCheck, measurement: Measurement) -> VelocityCh
     if step_s > _LONGEST_GAP_S:
         return check._replace(samples=(sample,), wrong_since_s=math.nan, wrong_samples=0)
     samples = _windowed((*check.samples, sample))
-    if len(samples) < _LEAST_SAMPLES or time_s - samples[0].time_s < WINDOW_S - _APART_S:
+    if len(samples) < _LEAST_SAMPLES or time_s - samples[0].time_s < _WINDOW_S - _APART_S:
         return check._replace(samples=samples)
     return _judged(check, samples, step_s)
 
 
 def _windowed(samples: tuple[PlaneReport, ...]) -> tuple[PlaneReport, ...]:
     """Return the newest samples that span the window, and the least number of them at least."""
-    begin_s = samples[-1].time_s - WINDOW_S - _APART_S
+    begin_s = samples[-1].time_s - _WINDOW_S - _APART_S
     enough = max(0, len(samples) - _LEAST_SAMPLES)
     first = 0
     while first < enough and samples[first].time_s < begin_s:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from guidance.autopilots import Autopilot, Finding, Mode, Verdict
 from guidance.autopilots.description import type_name
-from guidance.boot_clock import LATE_S
+from guidance.boot_clock import LATE_TELEMETRY_S
 from guidance.control import Limiter
 from guidance.cycle import Certificate
 from guidance.flight.freshness import (
@@ -90,7 +90,7 @@ def checks(observed: Observed, profile: Autopilot, now_s: float) -> tuple[Findin
     rows.append(("sender", alone, "alone" if alone else "positions of two senders"))
     delay_s = vehicle.clock.delay_s
     value = vehicle.clock.unknown_words if math.isnan(delay_s) else f"{delay_s:.2f} s"
-    rows.append(("delay", delay_s <= LATE_S, value))
+    rows.append(("delay", delay_s <= LATE_TELEMETRY_S, value))
     if status is None:
         rows += [("prearm", False, "not heard"), ("battery", False, "not heard")]
     else:
@@ -357,7 +357,10 @@ def is_late(vehicle: VehicleState, now_s: float) -> bool:
 
     A position that came in time is too old because nothing arrives; that is lost telemetry.
     """
-    if vehicle.clock.delay_s > LATE_S and vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S:
+    if (
+        vehicle.clock.delay_s > LATE_TELEMETRY_S
+        and vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S
+    ):
         return True
     return vehicle.clock.is_late(now_s)
 
@@ -366,7 +369,7 @@ def lateness(vehicle: VehicleState) -> str:
     """Return in words how late the telemetry is."""
     if math.isnan(vehicle.clock.delay_s):
         return f"the delay of the telemetry is {vehicle.clock.unknown_words}"
-    return f"telemetry is {vehicle.delay_s:.1f} s late; at most {LATE_S:g} s is allowed"
+    return f"telemetry is {vehicle.delay_s:.1f} s late; at most {LATE_TELEMETRY_S:g} s is allowed"
 
 
 def telemetry_refusal(vehicle: VehicleState, now_s: float) -> str:
@@ -447,7 +450,7 @@ def _telemetry_lost(now: Moment) -> bool:
     if now.now_s - local.received_s > TELEMETRY_LIMIT_S:
         return True
     is_old = now.observed.position_age_s > TELEMETRY_LIMIT_S
-    return is_old and not now.observed.vehicle.clock.delay_s > LATE_S
+    return is_old and not now.observed.vehicle.clock.delay_s > LATE_TELEMETRY_S
 
 
 def _invited(now: Moment) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from guidance import messages
-from guidance.boot_clock import LATE_S, OFFSET_DRIFT
+from guidance.boot_clock import LATE_TELEMETRY_S, OFFSET_DRIFT
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
 
@@ -67,7 +67,7 @@ def known(vehicle: VehicleState, now_s: float) -> VehicleState:
     return vehicle._replace(latest=latest)
 
 
-SILENT_S: Final = 0.5
+MATE_SILENT_S: Final = 0.5
 """A mate that is silent for longer is somewhere in a disc that grows with its top speed."""
 
 HOLD_S: Final = 2.0
@@ -102,8 +102,8 @@ AGES: Final = (
     Age(
         "delay of the telemetry",
         "TIMESYNC",
-        f"grows by {1e3 * OFFSET_DRIFT:g} ms for every second without an answer; over {LATE_S:g} s not ready",
-        f"the same; over {LATE_S:g} s the autopilot's hold",
+        f"grows by {1e3 * OFFSET_DRIFT:g} ms for every second without an answer; over {LATE_TELEMETRY_S:g} s not ready",
+        f"the same; over {LATE_TELEMETRY_S:g} s the autopilot's hold",
     ),
     Age(
         "heading",
@@ -177,14 +177,14 @@ AGES: Final = (
         "a mate of the team",
         "its states",
         "not read",
-        f"{SILENT_S:g} s: it may be anywhere that it can have reached; {HOLD_S:g} s and nearby: *paused*; "
+        f"{MATE_SILENT_S:g} s: it may be anywhere that it can have reached; {HOLD_S:g} s and nearby: *paused*; "
         f"{FORGOTTEN_S:g} s: left out",
     ),
     Age(
         "another aircraft, in a team",
         "ADSB_VEHICLE",
         "not read",
-        f"{SILENT_S:g} s: it may be anywhere that it can have reached; {FORGOTTEN_S:g} s: left out",
+        f"{MATE_SILENT_S:g} s: it may be anywhere that it can have reached; {FORGOTTEN_S:g} s: left out",
     ),
     Age(
         "the operator",

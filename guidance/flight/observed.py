@@ -19,7 +19,7 @@ from guidance.flight.freshness import (
     FORGOTTEN_S,
     HEIGHT_ERROR_LIMIT_S,
     HOLD_S,
-    SILENT_S,
+    MATE_SILENT_S,
     TELEMETRY_LIMIT_S,
 )
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
@@ -54,7 +54,7 @@ _ROUNDING_S: Final = 1e-6
 ORDINARY_AGE_S: Final = 0.1
 """Age of a position that the configured reaction time includes."""
 
-OLDEST_S: Final = 2.0
+_OLDEST_S: Final = 2.0
 """The reaction time grows no further with an older position. No setpoint uses one of half that age."""
 
 _LATE_STEP_S: Final = 0.05
@@ -502,7 +502,7 @@ class Observed:
         if team is None:
             team = TeamSection()
         age_s = max(0.0, now_s - mate.at_s)
-        known_s = min(age_s, SILENT_S)
+        known_s = min(age_s, MATE_SILENT_S)
         last_ned_m = frame.ned_from_wgs84(
             mate.latitude_deg, mate.longitude_deg, Amsl(mate.altitude_amsl_m)
         )
@@ -523,7 +523,7 @@ class Observed:
 
 def _beyond_ordinary(age_s: float) -> float:
     """Return the part of an age that the configured reaction time does not include, in steps."""
-    beyond_s = min(age_s, OLDEST_S) - ORDINARY_AGE_S
+    beyond_s = min(age_s, _OLDEST_S) - ORDINARY_AGE_S
     return max(0.0, _LATE_STEP_S * math.ceil(beyond_s / _LATE_STEP_S))
 
 

@@ -11,8 +11,9 @@ from guidance.flight.observed import Observed
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import ASKED_MODES, FINAL, HANDING_OVER, SETPOINT_STATES, State
 from guidance.frames import Ned
+from guidance.game.arrays import FloatArray
 from guidance.messages import Heartbeat, Home, Message, ParameterRequest, Request, Setpoint
-from guidance.strategies.own import Answer, Array, Ask
+from guidance.strategies.own import Answer, Ask
 
 if TYPE_CHECKING:
     from guidance.cycle import Certificate
@@ -219,7 +220,7 @@ class Playing:
         self.certificate: Certificate | None = None
         self.alarm: Alarm | None = None
 
-    def _asked(self, observation: Array) -> Answer:
+    def _asked(self, observation: FloatArray) -> Answer:
         """Ask the user's policy. A replay runs nobody's code: it has the recorded answers."""
         if self.recorded is not None:
             return self.recorded

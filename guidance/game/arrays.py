@@ -26,6 +26,9 @@ Arguments may be any `numpy.typing.ArrayLike`: numbers, lists, arrays of these l
 NumPy arrays; use `typing.cast` for another library.
 """
 
+FloatArray: TypeAlias = NDArray[np.float64]
+"""A NumPy array of numbers."""
+
 Real: TypeAlias = float | Any
 """A number, or an array with one number for each game of a batch; read from a game it may be used as a float."""
 
@@ -38,7 +41,7 @@ Plane: TypeAlias = tuple[Real, Real]
 Space: TypeAlias = tuple[Real, Real, Real]
 """The x, y and z components of a vector."""
 
-Record = TypeVar("Record", bound=Any)
+AnyRecord = TypeVar("AnyRecord", bound=Any)
 
 
 class Library:
@@ -67,7 +70,7 @@ class Library:
         """Choose between two plane vectors elementwise."""
         return self.select(condition, yes[0], no[0]), self.select(condition, yes[1], no[1])
 
-    def select_all(self, condition: Truth, yes: Record, no: Record) -> Record:
+    def select_all(self, condition: Truth, yes: AnyRecord, no: AnyRecord) -> AnyRecord:
         """Choose between two numbers, or records of numbers and vectors, elementwise."""
         return mapped(partial(self.select, condition), yes, no)
 
@@ -218,7 +221,7 @@ class Floats(Library):
         """Choose one of two plane vectors."""
         return yes if condition else no
 
-    def select_all(self, condition: Truth, yes: Record, no: Record) -> Record:
+    def select_all(self, condition: Truth, yes: AnyRecord, no: AnyRecord) -> AnyRecord:
         """Choose one of two records."""
         return yes if condition else no
 
@@ -317,7 +320,7 @@ def as_reals(array: Array) -> Array:
     return array
 
 
-def mapped(function: Callable[..., Any], first: Record, *others: Record) -> Record:
+def mapped(function: Callable[..., Any], first: AnyRecord, *others: AnyRecord) -> AnyRecord:
     """Return a record of what a function makes of the numbers at the same place of each record.
 
     A record is a tuple, named or not, or a dataclass. It has numbers and records in it.
@@ -326,7 +329,7 @@ def mapped(function: Callable[..., Any], first: Record, *others: Record) -> Reco
         parts = tuple(
             mapped(function, *fields_at) for fields_at in zip(first, *others, strict=True)
         )
-        return cast("Record", type(first)(*parts) if hasattr(first, "_fields") else parts)
+        return cast("AnyRecord", type(first)(*parts) if hasattr(first, "_fields") else parts)
     if hasattr(first, "__dataclass_fields__"):
         names = [part.name for part in fields(first) if part.init]
         parts = mapped(
@@ -334,7 +337,7 @@ def mapped(function: Callable[..., Any], first: Record, *others: Record) -> Reco
             *(tuple(getattr(record, name) for name in names) for record in (first, *others)),
         )
         return replace(first, **dict(zip(names, parts, strict=True)))
-    return cast("Record", function(first, *others))
+    return cast("AnyRecord", function(first, *others))
 
 
 def component(array: Array, index: int) -> Real:

@@ -15,7 +15,7 @@ from guidance.game.records import in_rows
 STEEP = 1e-7
 """Slope of the margin, times v, that counts as zero: the margin is then right to 1e-14 of the time of the run."""
 
-STEPS = 80
+_STEPS = 80
 """Most steps to a point of zero slope; Newton's method needs three, the secant method seven."""
 
 CURVED_STEPS = 3
@@ -27,7 +27,7 @@ NEARLY = 1e-6
 TOGETHER = 4
 """Steps of all rows, before the rows that need more go on by themselves."""
 
-TRACED_STEPS = 16
+_TRACED_STEPS = 16
 """Steps for libraries that trace and cannot stop early."""
 
 
@@ -80,7 +80,7 @@ class Spot(NamedTuple):
     margin: Real
 
 
-NOWHERE = Spot(0.0, math.inf)
+NO_SPOT = Spot(0.0, math.inf)
 
 
 def lesser_spot(xp: Library, best: Spot, rival: Spot) -> Spot:
@@ -90,9 +90,9 @@ def lesser_spot(xp: Library, best: Spot, rival: Spot) -> Spot:
 
 def least_within(xp: Library, course: MarginEdge, bracket: Bracket, enclosed: Truth) -> Spot:
     """Return the spot of zero slope in the rows whose bracket encloses one, nowhere in the others."""
-    spot = in_rows(enclosed, NOWHERE, partial(_zero_of_slope, xp), course, bracket)
+    spot = in_rows(enclosed, NO_SPOT, partial(_zero_of_slope, xp), course, bracket)
     # Libraries that trace compute all rows; a bracket that encloses nothing may lead off the edge.
-    return xp.select_all(enclosed, spot, NOWHERE) if xp.differentiates else spot
+    return xp.select_all(enclosed, spot, NO_SPOT) if xp.differentiates else spot
 
 
 def scanned(xp: Library, course: MarginEdge, positions: tuple[Real, ...]) -> Spot:
@@ -126,7 +126,7 @@ def _scanned_at_once(course: MarginEdge, positions: Array) -> Spot:
     best = Spot(positions[0], margins[0])
     for number in range(1, len(positions)):
         best = lesser_spot(NUMPY, best, Spot(positions[number], margins[number]))
-    if between is NOWHERE:
+    if between is NO_SPOT:
         return best
     places: Array = between.position
     least: Array = between.margin
@@ -173,7 +173,7 @@ def _bracketed(xp: Library, course: MarginEdge, bracket: Bracket) -> Spot:
     """Find it by steps that narrow the bracket, from its trial if that is inside."""
     inside = (bracket.trial > bracket.low) & (bracket.trial < bracket.high)
     trial = xp.select(inside, bracket.trial, _secant(xp, bracket))
-    steps = TRACED_STEPS if xp.differentiates else STEPS
+    steps = _TRACED_STEPS if xp.differentiates else _STEPS
     return _stepped(xp, course, bracket._replace(trial=trial), 0.0 * trial, steps)
 
 
@@ -188,7 +188,7 @@ def _stepped(xp: Library, course: MarginEdge, bracket: Bracket, sign: Real, step
         steps: how many are allowed.
     """
     converged: Truth = False
-    spot = NOWHERE
+    spot = NO_SPOT
     for number in range(steps if xp.differentiates else min(steps, TOGETHER)):
         pose = course.pose(xp, bracket.trial)
         bracket = _narrowed(xp, course, bracket, pose, sign)

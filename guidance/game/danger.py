@@ -29,11 +29,11 @@ import numpy as np
 
 from guidance.game.arrays import (
     NUMPY,
+    AnyRecord,
     Array,
     Library,
     Plane,
     Real,
-    Record,
     Truth,
     along2,
     cross2,
@@ -45,7 +45,7 @@ from guidance.game.arrays import (
     times2,
 )
 from guidance.game.brackets import (
-    NOWHERE,
+    NO_SPOT,
     Bracket,
     Pose,
     Spot,
@@ -54,7 +54,7 @@ from guidance.game.brackets import (
     scanned,
 )
 from guidance.game.extent import Extent
-from guidance.game.game import STILL, Game, least_square_in_hand
+from guidance.game.game import NO_WIND, Game, least_square_in_hand
 from guidance.game.meeting_times import ball_time, catch_in_ball
 from guidance.game.pe import Geometry
 from guidance.game.records import in_rows, is_zero
@@ -66,13 +66,13 @@ WIND_STEPS = 8
 CLOSE = 1e-14
 """Share of a distance that counts as reached."""
 
-TRIES = 20
+_TRIES = 20
 """Intervals of a line that are searched in games with more than the paper's, if there may be several minima."""
 
 SEEN = (0.0, 0.05, 0.12, 0.2, 0.3, 0.42, 0.56, 0.72, 0.88, 1.0)
 """Positions that are tried on a circle, over that of its edge as the evader sees it."""
 
-TRIED = 0.3
+_TRIED = 0.3
 """First position on a line behind the evader's foot in games with more than the paper's, over the farthest."""
 
 LEAST = 1e-6
@@ -140,7 +140,7 @@ class Arc(NamedTuple):
     radius: Real
 
 
-class Point(NamedTuple):
+class ShapePoint(NamedTuple):
     """A point of the shape from the target's position, m, and the margin there, s."""
 
     at: Plane
@@ -231,7 +231,7 @@ def rivals_of(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Riv
     v = game.evader_speed_m_s
     lag = v * game.information_age_s
     wind = None if game.calm else game.wind_m_s
-    drift = None if game.target_velocity_m_s == STILL else game.target_velocity_m_s
+    drift = None if game.target_velocity_m_s == NO_WIND else game.target_velocity_m_s
     if wind is None and drift is None and is_zero(radius):
         # The margin at every point, where no capture is possible now, changes by the same
         capture = 0.0
@@ -313,7 +313,7 @@ def _arcs(extent: Extent) -> tuple[Arc, ...]:
     return tuple(Arc(corner, extent.radius_m) for corner in extent.corners_m)
 
 
-def _several(xp: Library, pieces: tuple[Record, ...], rivals: Rivals) -> list[Record]:
+def _several(xp: Library, pieces: tuple[AnyRecord, ...], rivals: Rivals) -> list[AnyRecord]:
     """Return pieces as records to go through; with NumPy all of them as one, along the first axis of arrays."""
     if xp is not NUMPY or len(pieces) < 3:
         return list(pieces)
@@ -321,24 +321,24 @@ def _several(xp: Library, pieces: tuple[Record, ...], rivals: Rivals) -> list[Re
 
 
 @lru_cache(maxsize=64)
-def _as_one(pieces: tuple[Record, ...], dimensions: int) -> Record:
+def _as_one(pieces: tuple[AnyRecord, ...], dimensions: int) -> AnyRecord:
     def array(*numbers: Real) -> Real:
         return np.array(numbers).reshape(-1, *(1,) * dimensions)
 
     return mapped(array, *pieces)
 
 
-def _each(xp: Library, extent: Extent, point: Point) -> list[Point]:
+def _each(xp: Library, extent: Extent, point: ShapePoint) -> list[ShapePoint]:
     """Return the points of pieces that were one record, see `_several`."""
     count = len(extent.corners_m)
     if xp is not NUMPY or count < 3:
         return [point]
-    if point.margin is NOWHERE.margin:
+    if point.margin is NO_SPOT.margin:
         return []
     x: Array = point.at[0]
     y: Array = point.at[1]
     margin: Array = point.margin
-    return [Point((x[number], y[number]), margin[number]) for number in range(count)]
+    return [ShapePoint((x[number], y[number]), margin[number]) for number in range(count)]
 
 
 def _line_ends(judged: list[Judged]) -> list[tuple[Judged, Judged]]:
@@ -353,10 +353,10 @@ def _next(corners: Array) -> Array:
     return np.concatenate((corners[1:], corners[:1]))
 
 
-def _lesser(xp: Library, best: Point, rival: Point) -> Point:
+def _lesser(xp: Library, best: ShapePoint, rival: ShapePoint) -> ShapePoint:
     """Return the point with the lesser margin."""
     closer = rival.margin < best.margin
-    return Point(
+    return ShapePoint(
         xp.select2(closer, rival.at, best.at), xp.select(closer, rival.margin, best.margin)
     )
 
@@ -444,14 +444,14 @@ def _to_disc(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:
     return distance, times2(short / xp.select(product > 0.0, product, 1.0), away)
 
 
-def _corner(xp: Library, at: Plane, judged: Judged) -> Point:
+def _corner(xp: Library, at: Plane, judged: Judged) -> ShapePoint:
     if not xp.differentiates:
-        return Point(at, judged.margin)
+        return ShapePoint(at, judged.margin)
     nothing = 0.0 * judged.margin
-    return Point((at[0] + nothing, at[1] + nothing), judged.margin)
+    return ShapePoint((at[0] + nothing, at[1] + nothing), judged.margin)
 
 
-def _least_corner(corners: Plane, margins: Array) -> Point:
+def _least_corner(corners: Plane, margins: Array) -> ShapePoint:
     """Return the corner with the least margin of corners that are along the first axis."""
     least = margins[0]
     numbers = np.zeros(least.shape, dtype=np.intp)
@@ -460,12 +460,12 @@ def _least_corner(corners: Plane, margins: Array) -> Point:
         least = np.minimum(least, margins[number])
     x: Array = corners[0]
     y: Array = corners[1]
-    return Point((x.take(numbers), y.take(numbers)), least)
+    return ShapePoint((x.take(numbers), y.take(numbers)), least)
 
 
 def _least_in_line(
     xp: Library, line: Line, ends: tuple[Judged, Judged], rivals: Rivals, best: Real
-) -> Point:
+) -> ShapePoint:
     """Return the least margin within a line, with a margin of infinity where it is at an end or not below the best.
 
     Args:
@@ -487,7 +487,7 @@ def _least_in_line(
         near = visible & _is_near(xp, rivals, abs(outside), abs(beside))
     else:
         near = visible & (_has_one_minimum(xp, line, ends, rivals, rivals.drift) == 0)
-    nowhere = Point((0.0, 0.0), NOWHERE.margin)
+    nowhere = ShapePoint((0.0, 0.0), NO_SPOT.margin)
     if not xp.any(enclosed | near):
         return nowhere
     if not rivals.plain:
@@ -548,7 +548,9 @@ def _has_one_minimum(
     return away & ((closest + rivals.capture) * (rivals.u - pace) > longest * (v + pace))
 
 
-def _seen(xp: Library, line: Line, slopes: tuple[Real, Real], near: Truth, rivals: Rivals) -> Point:
+def _seen(
+    xp: Library, line: Line, slopes: tuple[Real, Real], near: Truth, rivals: Rivals
+) -> ShapePoint:
     """Return the least margin within a line in the paper's game.
 
     Args:
@@ -592,7 +594,7 @@ def _seen(xp: Library, line: Line, slopes: tuple[Real, Real], near: Truth, rival
         hand * (course.between * course.between) < (rivals.v * rivals.v) * course.apart_square
     )
     spot = in_rows(near, spot, partial(_both_sides, xp), course, bracket, spot)
-    return Point(plus2(line.begin, foot + sign * spot.position, line.along), spot.margin)
+    return ShapePoint(plus2(line.begin, foot + sign * spot.position, line.along), spot.margin)
 
 
 def _both_sides(xp: Library, course: SeenLine, bracket: Bracket, spot: Spot) -> Spot:
@@ -652,7 +654,7 @@ def _followed(
     slopes: tuple[Real, Real],
     rivals: Rivals,
     judged: tuple[Truth, Truth],
-) -> Point:
+) -> ShapePoint:
     """Return the least margin within a line in a game with more than the paper's.
 
     Args:
@@ -673,7 +675,7 @@ def _followed(
         high=0.0 * foot + line.length,
         falling=slopes[0],
         rising=slopes[1],
-        trial=xp.select(forward, foot - TRIED * window, foot + TRIED * window),
+        trial=xp.select(forward, foot - _TRIED * window, foot + _TRIED * window),
     )
     course = FollowedLine(line, rivals)
     spot = least_within(xp, course, bracket, enclosed)
@@ -683,15 +685,15 @@ def _followed(
         high = xp.select(passed >= foot, passed, foot) + (2.0 * window + course.rivals.radius)
         low = _held(xp, low, course.line.length)
         high = _held(xp, high, course.line.length)
-        tried = [low + (number / TRIES) * (high - low) for number in range(TRIES + 1)]
+        tried = [low + (number / _TRIES) * (high - low) for number in range(_TRIES + 1)]
         ends = (0.0 * foot, 0.0 * foot + course.line.length)
         return scanned(xp, course, (ends[0], *tried, ends[1]))
 
-    other = in_rows(near, NOWHERE, searched, course, foot, passed, window)
+    other = in_rows(near, NO_SPOT, searched, course, foot, passed, window)
     if xp.differentiates:
-        other = xp.select_all(near, other, NOWHERE)
+        other = xp.select_all(near, other, NO_SPOT)
     spot = lesser_spot(xp, spot, other)
-    return Point(course.at(spot.position), spot.margin)
+    return ShapePoint(course.at(spot.position), spot.margin)
 
 
 def _held(xp: Library, position: Real, length: Real) -> Real:
@@ -700,7 +702,7 @@ def _held(xp: Library, position: Real, length: Real) -> Real:
     return xp.select(position < length, position, 0.0 * position + length)
 
 
-def _around(xp: Library, arc: Arc, rivals: Rivals) -> Point:
+def _around(xp: Library, arc: Arc, rivals: Rivals) -> ShapePoint:
     """Return the point of a disc around a corner with the least margin, for an evader outside the disc."""
     out = plus2(rivals.evader, -1.0, arc.centre)
     distance = xp.norm2(out)
@@ -736,7 +738,7 @@ def _around(xp: Library, arc: Arc, rivals: Rivals) -> Point:
 
     spot = in_rows(near, spot, passed, course, edge, spot)
     position = xp.select(to_pursuer[1] < 0.0, -spot.position, spot.position)
-    return Point(FollowedArc(arc, ahead, rivals).at(position), spot.margin)
+    return ShapePoint(FollowedArc(arc, ahead, rivals).at(position), spot.margin)
 
 
 def _surely_convex(xp: Library, rivals: Rivals, margin: Real) -> Truth:
@@ -767,7 +769,7 @@ def _may_run_past(xp: Library, course: SeenArc) -> Truth:
 
 def _followed_around(
     xp: Library, course: FollowedArc, apart: Real, edge: Real, near: Truth
-) -> Point:
+) -> ShapePoint:
     """Return the least margin on a circle in a game with more than the paper's.
 
     Args:
@@ -799,7 +801,7 @@ def _followed_around(
         return lesser_spot(xp, spot, scanned(xp, course, tuple(positions)))
 
     spot = in_rows(near, spot, searched, course, edge, spot)
-    return Point(course.at(spot.position), spot.margin)
+    return ShapePoint(course.at(spot.position), spot.margin)
 
 
 def _is_near(xp: Library, rivals: Rivals, apart: Real, beside: Real) -> Truth:

@@ -31,7 +31,7 @@ from guidance.game.records import (
 )
 from guidance.game.speed_sets import SpeedSet
 
-STILL = (0.0, 0.0)
+NO_WIND = (0.0, 0.0)
 
 _SPEED_SETS: Final = (
     "a speed set, as Ball(speed_m_s) or Cylinder(horizontal_m_s, climb_m_s, descent_m_s)"
@@ -135,8 +135,8 @@ class Game(Numbers):
     capture_radius_m: Real = 0.0
     standoff: StandOff = field(default_factory=StandOff)
     information_age_s: Real = 0.0
-    wind_m_s: Plane = STILL
-    target_velocity_m_s: tuple[float, float] = STILL
+    wind_m_s: Plane = NO_WIND
+    target_velocity_m_s: tuple[float, float] = NO_WIND
     evader_space: Literal["plane", "space"] = "plane"
     target_extent: Extent = POINT
     varies: bool = field(init=False, repr=False)
@@ -224,7 +224,7 @@ class Game(Numbers):
             and self.target_extent == POINT
         )
         if not (
-            plain and self.pursuer.isotropic and self.calm and self.target_velocity_m_s == STILL
+            plain and self.pursuer.isotropic and self.calm and self.target_velocity_m_s == NO_WIND
         ):
             allowed = "the speed set Ball, without stand-off, wind, or a target that moves or has an extent"
             raise ConfigError(

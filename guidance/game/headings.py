@@ -27,7 +27,7 @@ from guidance.game.arrays import (
     times2,
 )
 from guidance.game.extent import ORIGIN, Extent, from_set, nearest
-from guidance.game.game import STILL, Game, head_wind, least_square_in_hand
+from guidance.game.game import NO_WIND, Game, head_wind, least_square_in_hand
 from guidance.game.meeting_times import ball_time
 from guidance.game.pe import Geometry
 from guidance.game.records import is_zero
@@ -126,7 +126,7 @@ def hunt_for(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plan
     hand = least_square_in_hand(game)
     ahead = xp.unit2(goal, xp.norm2(goal))
     wind = None if game.calm else game.wind_m_s
-    drift = None if game.target_velocity_m_s == STILL else game.target_velocity_m_s
+    drift = None if game.target_velocity_m_s == NO_WIND else game.target_velocity_m_s
     places = (state.to_evader, target, game.target_extent, wind, drift, ahead)
     return Hunt(u, v, capture, radius, lag, hand, z2, *places, met_s, met_m)
 
@@ -144,7 +144,7 @@ def way_along(
     """
     start = _set_out(hunt, aim.s)
     flat = is_zero(hunt.radius)
-    disc = STILL if flat else along2(start.n, aim.disc)
+    disc = NO_WIND if flat else along2(start.n, aim.disc)
     # When the virtual pursuer captures, and the root of `ball_time`.
     y = start.to_end if flat else plus2(start.to_end, -hunt.radius, disc)
     beyond = dot2(y, y) + hunt.z2 - hunt.capture * hunt.capture
@@ -286,6 +286,6 @@ def _edge(hunt: Hunt, path: HeadingRun) -> tuple[Plane, Plane]:
     return plus2(edge, -first, pulled), plus2(bend, -second, pulled)
 
 
-def bounded(xp: Library, s: Real) -> Real:
+def clipped(xp: Library, s: Real) -> Real:
     """Keep a heading within 90° of straight ahead."""
     return xp.select(s > 1.0, 1.0, xp.select(s < -1.0, -1.0, s))

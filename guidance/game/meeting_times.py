@@ -7,7 +7,7 @@ from guidance.game.arrays import Library, Plane, Real, Truth, dot2
 TOUCH_M = 1e-9
 """Distance that counts as reached for a pursuer that holds a part it has reached; larger than rounding errors."""
 
-NEWTON_STEPS = 10
+_NEWTON_STEPS = 10
 """Eight reach the last bit even at δ = 1.02; larger speed ratios need four or five."""
 
 
@@ -31,7 +31,7 @@ def climb(
 
     t = cover(xp.unit2(y, xp.norm2(y)))
     converged: Truth = False
-    for _ in range(NEWTON_STEPS - 1):
+    for _ in range(_NEWTON_STEPS - 1):
         further = cover(xp.unit2(*at(t)))
         if not xp.differentiates:
             further = xp.select(converged, t, further)

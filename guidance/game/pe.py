@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 from guidance.game.arrays import Library, Plane, Real, Space, dot2
 from guidance.game.extent import to_set
-from guidance.game.game import STILL, Game, Reason, Winner, head_wind, speed_in_hand
+from guidance.game.game import NO_WIND, Game, Reason, Winner, head_wind, speed_in_hand
 from guidance.game.meeting_times import climb
 
 
@@ -78,7 +78,7 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, observed: Space | No
     to_evader = (east - x, north - y)
     z = height - ground - game.standoff.height_m
     if observed is None:
-        return Geometry((east, north), ground, to_evader, z, STILL)
+        return Geometry((east, north), ground, to_evader, z, NO_WIND)
     (seen_x, seen_y, _) = observed
     bound = game.evader_speed_m_s
     share = bound / xp.maximum(xp.sqrt(seen_x * seen_x + seen_y * seen_y), bound)

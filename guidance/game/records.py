@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Real, Record, Truth, as_reals, is_array, mapped
+from guidance.game.arrays import AnyRecord, Array, Real, Truth, as_reals, is_array, mapped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,13 +48,13 @@ _NAMES: Final[dict[Any, tuple[str, ...]]] = {}
 """Of each kind of record; a flight asks for them in every cycle."""
 
 
-def exchanged(record: Record, **values: object) -> Record:
+def exchanged(record: AnyRecord, **values: object) -> AnyRecord:
     """Return a record with other values, without checking them."""
     kind = type(record)
     names = _NAMES.get(kind)
     if names is None:
         names = names_of(record)
-    copy: Record = object.__new__(kind)
+    copy: AnyRecord = object.__new__(kind)
     for name in names:
         object.__setattr__(copy, name, values[name] if name in values else getattr(record, name))
     return copy
@@ -73,10 +73,10 @@ def rows_of(value: Any, rows: Callable[[Array], Array]) -> Any:  # noqa: ANN401 
 
 def in_rows(
     selected: Truth,
-    default: Record,
-    function: Callable[..., Record],
+    default: AnyRecord,
+    function: Callable[..., AnyRecord],
     *records: Any,  # noqa: ANN401
-) -> Record:
+) -> AnyRecord:
     """Replace the selected rows of a record by a function of the same rows of other records.
 
     Without NumPy, the function is applied to all rows.

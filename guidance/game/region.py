@@ -25,13 +25,13 @@ from guidance.game.arrays import (
     plus2,
     times2,
 )
-from guidance.game.game import STILL, Game
+from guidance.game.game import NO_WIND, Game
 from guidance.game.headings import (
     AimedHeading,
     HeadingRun,
     Hunt,
     aimed_at,
-    bounded,
+    clipped,
     hunt_for,
     judge,
     way_along,
@@ -39,13 +39,13 @@ from guidance.game.headings import (
 from guidance.game.pe import Geometry
 from guidance.game.records import in_rows, is_zero
 
-STEPS = 3
+_STEPS = 3
 """Newton steps of every row."""
 
-ROUNDS = 6
+_ROUNDS = 6
 """Rounds from circle to circle in a game with only a disc; most rows then need a single Newton step."""
 
-NEWTON_STEPS = 7
+_NEWTON_STEPS = 7
 """Newton steps of a row that needs more, before bisection."""
 
 MORE_STEPS = 80
@@ -57,7 +57,7 @@ DISC_STEPS = 5
 HEADINGS = 32
 """Intervals of the headings over which the distance from the target may fall and rise once."""
 
-TRACED_STEPS = 12
+_TRACED_STEPS = 12
 """Steps for libraries that trace and cannot stop early."""
 
 
@@ -71,7 +71,7 @@ class Closest(NamedTuple):
 
 def is_circle(game: Game) -> Truth:
     """Return whether the region (for a Cylinder its planar part) is the paper's disc; row by row if that differs."""
-    if not game.calm or game.target_velocity_m_s != STILL:
+    if not game.calm or game.target_velocity_m_s != NO_WIND:
         return False
     lengths = (game.capture_radius_m, game.standoff.radius_m, game.information_age_s)
     if all(is_zero(length) for length in lengths):
@@ -171,8 +171,8 @@ def search(xp: Library, hunt: Hunt, within: Truth) -> AimedHeading:
     """Return the heading that ends closest to the target, for the rows that are not `within`."""
     start = touch(xp, hunt)
     if xp.differentiates:
-        return bracket(xp, hunt, start, TRACED_STEPS)
-    aim, converged = newton(xp, hunt, start, within, 1 if _is_bare(hunt) else STEPS, NEWTON_STEPS)
+        return bracket(xp, hunt, start, _TRACED_STEPS)
+    aim, converged = newton(xp, hunt, start, within, 1 if _is_bare(hunt) else _STEPS, _NEWTON_STEPS)
     converged = within | (converged & (abs(aim.s - start.s) <= 2.0))
     return in_rows(
         converged == 0, aim, lambda hunt, aim: bracket(xp, hunt, aim, MORE_STEPS), hunt, start
@@ -221,7 +221,7 @@ def touch(xp: Library, hunt: Hunt) -> AimedHeading:
         away = times2(hand, hunt.to_evader)
         goal = times2(hand, to_target)
         height = hand * hunt.z2
-        for _ in range(ROUNDS):
+        for _ in range(_ROUNDS):
             run = _circle(xp, hunt, plus2(hunt.to_evader, -hunt.radius, disc), height, goal)
             end = plus2(run, 1.0, away)
             disc = xp.unit2(end, xp.norm2(end))
@@ -259,7 +259,7 @@ def _circle(xp: Library, hunt: Hunt, to_evader: Plane, height: Real, goal: Plane
 def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
     """Return the heading of a run, at most 90° from straight ahead."""
     divisor = xp.norm2(run) + dot2(run, hunt.ahead)
-    return bounded(xp, cross2(hunt.ahead, run) / xp.select(divisor > 0, divisor, 1.0))
+    return clipped(xp, cross2(hunt.ahead, run) / xp.select(divisor > 0, divisor, 1.0))
 
 
 def _virtual(xp: Library, hunt: Hunt, path: HeadingRun) -> tuple[Plane, Real]:

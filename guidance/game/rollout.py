@@ -98,7 +98,7 @@ EXACT = Exact()
 PolicyPair: TypeAlias = tuple[Policy, Policy]
 """The policies of pursuer and evader."""
 
-OPTIMAL: PolicyPair = (PURSUER_POLICIES["optimal"], EVADER_POLICIES["optimal"])
+OPTIMAL_PAIR: PolicyPair = (PURSUER_POLICIES["optimal"], EVADER_POLICIES["optimal"])
 
 
 class Rollout(NamedTuple):
@@ -266,7 +266,7 @@ def _velocities(
     game: Game, policies: PolicyPair, P: Array, E: Array, T: Array | None, observed: Array
 ) -> tuple[Array, Array]:
     """Return both players' velocities; two optimal players are solved once."""
-    if policies == OPTIMAL:
+    if policies == OPTIMAL_PAIR:
         answer = solve(game, P, E, T, evader_velocity_m_s=observed)
         return answer.pursuer_velocity_m_s, answer.evader_velocity_m_s
     chase, flee = policies

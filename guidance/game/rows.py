@@ -11,7 +11,7 @@ from guidance.game.arrays import Array, Library, Real, Space, components, dot3, 
 from guidance.game.game import Game, Reason, parameters, speed_in_hand
 from guidance.game.records import rows_of
 
-SIGNED = ("wind_x_m_s", "wind_y_m_s")
+_SIGNED = ("wind_x_m_s", "wind_y_m_s")
 ZERO_ALLOWED = ("capture_radius_m", "information_age_s", "radius_m", "height_m")
 
 _PIECE: Final = 8192
@@ -111,7 +111,7 @@ def refused_rows(xp: Library, game: Game, fault: Real) -> Real:
     fault = xp.select(speed_in_hand(game) > 0, fault, int(Reason.PURSUER_TOO_SLOW))
     for name, value in parameters(game).items():
         allowed = value - value == 0
-        if name not in SIGNED:
+        if name not in _SIGNED:
             allowed = allowed & (value >= 0 if name in ZERO_ALLOWED else value > 0)
         fault = xp.select(allowed, fault, int(Reason.OUT_OF_RANGE))
     return fault

@@ -44,7 +44,7 @@ NAMES = ("pursuer", "evader", "target", "evader_velocity_m_s")
 ROWS = 12288
 """Rows of a chunk: about forty intermediate arrays of 96 KiB stay in the processor's cache."""
 
-FEW = 6
+_FEW = 6
 """Rows that are solved one by one, because Python's floats are faster than NumPy's arrays then."""
 
 # Glibc keeps freed memory for the next chunk only after it has seen a block of this size freed
@@ -233,7 +233,7 @@ def _solve_rows(
 ) -> Solution:
     """Solve a batch, a short one row by row and a long one chunk by chunk."""
     count = math.prod(shape)
-    if 0 < count <= FEW and not game.varies and named["pursuer"].dtype == np.float64:
+    if 0 < count <= _FEW and not game.varies and named["pursuer"].dtype == np.float64:
         return _solve_each(game, shape, named, out)
     # A shape takes many calls for a few rows each, which cost as much for a long chunk as for a short one
     chunk_rows = ROWS if game.target_extent.is_point else 2 * ROWS

@@ -33,7 +33,7 @@ from guidance.game.arrays import (
 )
 from guidance.game.danger import most_in_danger, rivals_of
 from guidance.game.extent import from_set, is_inside, nearest, to_set
-from guidance.game.game import STILL, Game, Reason
+from guidance.game.game import NO_WIND, Game, Reason
 from guidance.game.meeting_times import catch_in_ball
 from guidance.game.pe import Geometry, StateSolution
 from guidance.game.records import in_rows, is_zero
@@ -117,7 +117,7 @@ def _defending(
     won = target_race.margin > 0
     meeting_s = target_race.edge.time
     to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
-    hold = xp.select2(won, state.hold, STILL)
+    hold = xp.select2(won, state.hold, NO_WIND)
     time = xp.select(won, meeting_s, target_race.guard)
     velocity = pe.fly_to(xp, game, state._replace(hold=hold), to, time)
     if is_zero(game.information_age_s):
@@ -192,7 +192,7 @@ def _first_reached(xp: Library, game: Game, to_target: Plane, offset: Plane) -> 
         offset: vector to the point of the set that is nearest now, m.
     """
     adrift = game.target_velocity_m_s
-    if adrift == STILL:
+    if adrift == NO_WIND:
         return offset
     first = offset
     for _ in range(REACHED):
@@ -356,7 +356,7 @@ def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
     v = game.evader_speed_m_s
     age = game.information_age_s
     adrift = game.target_velocity_m_s
-    if adrift == STILL:
+    if adrift == NO_WIND:
         return xp.maximum(xp.norm2(to_target) / v - age, 0.0), to_target
     arrival = catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
     return arrival, (to_target[0] + adrift[0] * arrival, to_target[1] + adrift[1] * arrival)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from guidance.errors import ConfigError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Cylinder, End
+from guidance.game.arrays import FloatArray
 from guidance.game.records import rows_of
 from guidance.league.laws import FRPN, FRPN_LEVEL
 from guidance.league.play import losses_of
@@ -27,7 +28,6 @@ from guidance.league.states import (
     scenario_at,
     seeds_of,
 )
-from guidance.sim.batch import Array
 from guidance.sim.maths import moments
 from guidance.sim.scenario import EVADER, PURSUER, Scenario
 from guidance.sim.scenario_file import with_policies
@@ -35,7 +35,7 @@ from guidance.strategies import uniform
 from guidance.strategies.catalogue import PROPORTIONAL
 from guidance.strategies.own import is_own, require_fit
 
-ROWS: Final = 4096
+_ROWS: Final = 4096
 """Games that are played at a time."""
 
 RESAMPLES: Final = 200
@@ -94,7 +94,7 @@ class PlayedPair(NamedTuple):
     """A pair's row, and of each game its regret, and its end."""
 
     row: Row
-    regret: Array
+    regret: FloatArray
     end: NDArray[np.int8]
 
 
@@ -157,8 +157,8 @@ def play_pair(contest: Contest, player: str, opponent: str) -> PlayedPair:
     loss = np.zeros(count)
     value = np.zeros(count)
     end = np.zeros(count, dtype=np.int8)
-    for start in range(0, count, ROWS):
-        part = slice(start, start + ROWS)
+    for start in range(0, count, _ROWS):
+        part = slice(start, start + _ROWS)
         batch = batch_at(arena.template, rows_of(contest.states, itemgetter(part)))
         chunk = losses_of(arena, batch, moments(batch), contest.side)
         loss[part] = chunk.loss
@@ -180,8 +180,8 @@ def _summed_up(
     contest: Contest,
     player: str,
     opponent: str,
-    regret: Array,
-    value: Array,
+    regret: FloatArray,
+    value: FloatArray,
     end: NDArray[np.int8],
 ) -> Row:
     winning = End.CAPTURED if contest.side == PURSUER else End.ARRIVED
@@ -220,7 +220,7 @@ def _summed_up(
     )
 
 
-def _statistics(won: Array, regret: Array, relative: Array) -> tuple[Any, ...]:
+def _statistics(won: FloatArray, regret: FloatArray, relative: FloatArray) -> tuple[Any, ...]:
     median, p95 = np.quantile(regret, (0.5, 0.95))
     return won.mean(), median, p95, np.quantile(relative, 0.5)
 

@@ -14,17 +14,17 @@ from guidance.errors import ConfigError
 from guidance.extras import require_extras
 from guidance.frames import Enu
 from guidance.game import End
-from guidance.league.play import WINNERS, Games
+from guidance.game.arrays import FloatArray
+from guidance.league.play import WINNER_OF_END, Games
 from guidance.league.sides import STEP_S, Side, require_steps, side_of, warn_of_long_steps
 from guidance.league.states import SeedArray, seeds_of
-from guidance.sim.batch import Array
 from guidance.sim.scenario import PURSUER, Scenario
 
 FRAME_INCHES: Final = (8.0, 6.0)
 FRAME_DPI: Final = 80
 """Of a rendered picture of 640 by 480 points."""
 
-Flags = NDArray[np.bool_]
+_Flags = NDArray[np.bool_]
 Info = dict[str, Any]
 
 
@@ -35,7 +35,7 @@ def spaces_of(side: Side) -> tuple[Box, Box]:
     return observation, Box(-1.0, 1.0, (side.shares,), np.float32)
 
 
-class PursuitVectorEnv(VectorEnv[Array, Array, Any]):
+class PursuitVectorEnv(VectorEnv[FloatArray, FloatArray, Any]):
     """Many games of one scenario, each an environment, stepped as one NumPy batch.
 
     Observations (n, 8), float64, in m and m/s of the game frame; of the pursuer, with its bounds:
@@ -108,7 +108,7 @@ class PursuitVectorEnv(VectorEnv[Array, Array, Any]):
         *,
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Array, Info]:
+    ) -> tuple[FloatArray, Info]:
         """Begin a game in every environment, in random states of a seed; without one, in further states.
 
         Args:
@@ -151,7 +151,7 @@ class PursuitVectorEnv(VectorEnv[Array, Array, Any]):
             self.games.restart(rows, seeds)
         return self._side.observe(self.games), self._info(self.games)
 
-    def step(self, actions: Array) -> tuple[Array, Array, Flags, Flags, Info]:
+    def step(self, actions: FloatArray) -> tuple[FloatArray, FloatArray, _Flags, _Flags, Info]:
         """Hold an action of each environment for a step.
 
         Raises:
@@ -185,12 +185,12 @@ class PursuitVectorEnv(VectorEnv[Array, Array, Any]):
         return {
             "value": games.value,
             "regret": self._side.sign * (games.opening_score - games.score),
-            "winner": WINNERS[end],
+            "winner": WINNER_OF_END[end],
             "reason": end.copy(),
         }
 
 
-class PursuitEnv(gymnasium.Env[Array, Array]):
+class PursuitEnv(gymnasium.Env[FloatArray, FloatArray]):
     """One game of a `PursuitVectorEnv` as a plain environment; arguments, spaces and `info` are its, without n.
 
     Args:
@@ -236,11 +236,11 @@ class PursuitEnv(gymnasium.Env[Array, Array]):
         self.observation_space = self._batch.single_observation_space
         self.action_space = self._batch.single_action_space
         self._over = True
-        self._tracks_m: list[tuple[Array, Array]] = []
+        self._tracks_m: list[tuple[FloatArray, FloatArray]] = []
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Array, Info]:
+    ) -> tuple[FloatArray, Info]:
         """Begin a game in a random state."""
         super().reset(seed=seed)
         observation, info = self._batch.reset(seed=seed, options=options)
@@ -249,7 +249,7 @@ class PursuitEnv(gymnasium.Env[Array, Array]):
         self._keep_places()
         return observation[0], _first_row(info)
 
-    def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
+    def step(self, action: FloatArray) -> tuple[FloatArray, float, bool, bool, Info]:
         """Hold an action for a step; a finished game begins anew only with `reset`.
 
         Raises:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from guidance.strategies.own import Array
+from guidance.game.arrays import FloatArray
 
 GAIN: Final = 19.7
 """G of public implementations of the paper."""
@@ -26,7 +26,7 @@ FRPN_LEVEL: Final = "guidance.league.laws:frpn_level"
 """The law for a Ball, and for a Cylinder."""
 
 
-def frpn(observation: Array) -> Array:
+def frpn(observation: FloatArray) -> FloatArray:
     """Fast response proportional navigation: Pliska, Vrba, Báča & Saska, arXiv 2405.13542, eq. (19).
 
     The acceleration is that of linearised proportional navigation and a part of pure pursuit, which lets the vehicle
@@ -43,7 +43,7 @@ def frpn(observation: Array) -> Array:
     return _flight_direction(observation[:, 0:3], observation[:, 5:8], evader_m_s)
 
 
-def frpn_level(observation: Array) -> Array:
+def frpn_level(observation: FloatArray) -> FloatArray:
     """`frpn` for a pursuer whose level and vertical speed are bounded each by itself.
 
     The law is flown in the plane, and the vehicle flies to the height of the goal at its vertical speed, as
@@ -55,7 +55,7 @@ def frpn_level(observation: Array) -> Array:
     return action
 
 
-def _flight_direction(r: Array, v: Array, evader_m_s: Array) -> Array:
+def _flight_direction(r: FloatArray, v: FloatArray, evader_m_s: FloatArray) -> FloatArray:
     """Return the direction of the velocity after a cycle, (n, 3) or (n, 2)."""
     w = evader_m_s - v
     to_go_1_s = (_length(w) / np.maximum(_length(r), 1e-9))[:, None]
@@ -65,5 +65,5 @@ def _flight_direction(r: Array, v: Array, evader_m_s: Array) -> Array:
     return after_m_s / np.maximum(_length(after_m_s), 1e-9)[:, None]
 
 
-def _length(vectors: Array) -> Array:
+def _length(vectors: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.sum(vectors**2, axis=1)))

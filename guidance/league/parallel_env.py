@@ -9,8 +9,9 @@ from pettingzoo import ParallelEnv
 
 from guidance.errors import ConfigError
 from guidance.game import End
+from guidance.game.arrays import FloatArray
 from guidance.league.gymnasium_envs import spaces_of
-from guidance.league.play import WINNERS, Games
+from guidance.league.play import WINNER_OF_END, Games
 from guidance.league.sides import (
     SIDES,
     STEP_S,
@@ -20,14 +21,10 @@ from guidance.league.sides import (
     with_flown_speeds,
 )
 from guidance.league.states import arena_of, seeds_of
-from guidance.league.teams import TeamScenarioGame
-from guidance.sim.batch import Array
+from guidance.league.teams import ByAgent, TeamScenarioGame
 from guidance.sim.scenario import EVADER, PURSUER, Scenario
 from guidance.sim.scenario_file import load_any, with_policies
 from guidance.sim.teams import TeamScenario
-
-ByAgent = dict[str, Any]
-"""A value for each agent, by its name."""
 
 
 class PursuitParallelEnv(ParallelEnv):
@@ -156,7 +153,7 @@ class _Duel:
         """Begin a game."""
         self._games.restart(np.arange(1), seeds_of(seed, 1))
 
-    def velocity(self, agent: str, action: Any) -> Array:  # noqa: ANN401 - as given
+    def velocity(self, agent: str, action: Any) -> FloatArray:  # noqa: ANN401 - as given
         """Return the velocity of an action, (1, 3)."""
         side = self._sides[agent]
         try:
@@ -184,5 +181,5 @@ class _Duel:
         games = self._games
         end = int(games.moment.end[0])
         lost = float(games.opening_score[0] - games.score[0])
-        shared = {"value": float(games.value[0]), "winner": int(WINNERS[end]), "reason": end}
+        shared = {"value": float(games.value[0]), "winner": int(WINNER_OF_END[end]), "reason": end}
         return {agent: {**shared, "regret": self._sides[agent].sign * lost} for agent in agents}

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guidance.game import End, Game, Solution, Winner, solve
-from guidance.game.arrays import NUMPY, components, mapped
+from guidance.game.arrays import NUMPY, FloatArray, components, mapped
 from guidance.game.pe import to_target
 from guidance.game.records import rows_of
 from guidance.game.rollout import Ahead, look_ahead
 from guidance.league.states import Arena, SeedArray, batch_at, random_states
-from guidance.sim.batch import Array, Batch
+from guidance.sim.batch import Batch
 from guidance.sim.maths import (
     BatchMoment,
     Slope,
@@ -49,10 +49,10 @@ In 1,000 games with a multicopter's speeds, optimal velocities that are kept for
 1.9 s if they are kept for 1 s.
 """
 
-WINNERS: Final = np.zeros(len(End), dtype=np.int8)
+WINNER_OF_END: Final = np.zeros(len(End), dtype=np.int8)
 """`Winner` of each `End`."""
-WINNERS[End.CAPTURED] = Winner.PURSUER
-WINNERS[End.ARRIVED] = Winner.EVADER
+WINNER_OF_END[End.CAPTURED] = Winner.PURSUER
+WINNER_OF_END[End.ARRIVED] = Winner.EVADER
 
 
 class Games:
@@ -87,7 +87,7 @@ class Games:
         return len(self.moment.row)
 
     @property
-    def value(self) -> Array:
+    def value(self) -> FloatArray:
         """Exact value of each state, (n,): s in PE; in TAD m, negative where the evader wins."""
         if self.batch.target_m is None:
             return self.solution.value
@@ -106,7 +106,7 @@ class Games:
         self.score[rows] = score
         self.opening_score[rows] = score
 
-    def step(self, pursuer_m_s: Array | None, evader_m_s: Array | None) -> None:
+    def step(self, pursuer_m_s: FloatArray | None, evader_m_s: FloatArray | None) -> None:
         """Hold velocities, (n, 3), for a period, or to the end of a game. None is the scenario's own policy."""
         with np.errstate(all="ignore"):
             self._fly(pursuer_m_s, evader_m_s)
@@ -116,7 +116,7 @@ class Games:
             score = np.where(self.opening_score > 0.0, np.maximum(score, 0.0), score)
         self.score = np.where(np.isfinite(score), score, self.score)
 
-    def _fly(self, pursuer_m_s: Array | None, evader_m_s: Array | None) -> None:
+    def _fly(self, pursuer_m_s: FloatArray | None, evader_m_s: FloatArray | None) -> None:
         """Fly a period, in one step where nothing happens and no player chooses within it."""
         batch = self.batch
         moment = self.moment
@@ -152,8 +152,8 @@ class Games:
 class _Steered(NamedTuple):
     """Velocities of the players that are steered, (n, 3), None of the others; and optimal play."""
 
-    pursuer_m_s: Array | None
-    evader_m_s: Array | None
+    pursuer_m_s: FloatArray | None
+    evader_m_s: FloatArray | None
     solution: Solution
 
 
@@ -190,7 +190,7 @@ def _solved(game: Game, batch: Batch, moment: BatchMoment) -> Solution:
     )
 
 
-def _scores(arena: Arena, batch: Batch, moment: BatchMoment, solution: Solution) -> Array:
+def _scores(arena: Arena, batch: Batch, moment: BatchMoment, solution: Solution) -> FloatArray:
     """Return the score of each game, (n,); NaN where the state has no value."""
     if batch.target_m is None:
         return -(moment.now_s + solution.value)
@@ -205,8 +205,8 @@ def _scores(arena: Arena, batch: Batch, moment: BatchMoment, solution: Solution)
 class Losses(NamedTuple):
     """Of each game, (n,): what the pursuer lost from the opening on, the value at the opening, and the `End`."""
 
-    loss: Array
-    value: Array
+    loss: FloatArray
+    value: FloatArray
     end: NDArray[np.int8]
 
 

@@ -18,11 +18,11 @@ from guidance.league.contest import (
     worst_rows,
 )
 from guidance.league.laws import FRPN, FRPN_LEVEL
-from guidance.screen import print_as_table
+from guidance.screen import print_text_table
 from guidance.sim.scenario import PURSUER
 
 TABLE: Final = "league.json"
-PICTURE: Final = "league.png"
+_PICTURE: Final = "league.png"
 
 _DASH_DOT: Final = (0, (5, 1, 1, 1))
 _DASH_DOT_DOT: Final = (0, (3, 1, 1, 1, 1, 1))
@@ -60,7 +60,7 @@ def print_table(target: Console, contest: Contest, played: Sequence[PlayedPair])
             line.append(_words(row.relative, 100.0))
         line.append(str(row.failed))
         cells.append(line)
-    print_as_table(target, headings, cells, left=range(2))
+    print_text_table(target, headings, cells, left=range(2))
 
 
 def _words(estimate: IntervalEstimate, scale: float = 1.0) -> str:
@@ -100,7 +100,7 @@ def require_new(out: Path) -> None:
     Raises:
         ConfigError: If it has results already.
     """
-    for name in (TABLE, PICTURE):
+    for name in (TABLE, _PICTURE):
         if (out / name).exists():
             raise ConfigError(f"--out {out}: contains another league ({name}); give a new folder")
 
@@ -130,7 +130,7 @@ def write_results(
     pairs = [pair for pair in played if pair.row.player == first_player]
     table = write_table(out, text)
     with writing(f"--out {out}"):
-        picture = draw_regrets(contest, played, out / PICTURE)
+        picture = draw_regrets(contest, played, out / _PICTURE)
         paths = [table, picture]
         for pair in pairs:
             paths += _written_worst(contest, pair, out, worst)

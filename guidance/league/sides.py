@@ -11,10 +11,9 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.game import End
-from guidance.game.arrays import pair_length
+from guidance.game.arrays import FloatArray, pair_length
 from guidance.league.play import CHOICE_S, Games
 from guidance.league.states import Arena, arena_of, seeds_of
-from guidance.sim.batch import Array
 from guidance.sim.maths import view_of
 from guidance.sim.scenario import EVADER, PURSUER, Scenario
 from guidance.sim.scenario_file import load_scenario, with_policies
@@ -50,8 +49,8 @@ TRIED_GAMES: Final = 256
 class Bounds(NamedTuple):
     """Least and greatest values of each column."""
 
-    low: Array
-    high: Array
+    low: FloatArray
+    high: FloatArray
 
 
 class Side(NamedTuple):
@@ -70,7 +69,7 @@ class Side(NamedTuple):
         """Share of the score's change that is this side's reward: 1 of the pursuer, −1 of the evader."""
         return 1.0 if self.name == PURSUER else -1.0
 
-    def observe(self, games: Games) -> Array:
+    def observe(self, games: Games) -> FloatArray:
         """Return the observations of all games, (n, k)."""
         moment = games.moment
         batch = games.batch
@@ -85,7 +84,7 @@ class Side(NamedTuple):
             batch.game, P, view.evader_m, view.evader_m_s, moment.flown_m_s, batch.target_m
         )
 
-    def velocity(self, action: Array) -> Array:
+    def velocity(self, action: FloatArray) -> FloatArray:
         """Return the velocities, (n, 3), m/s, of actions."""
         game = self.arena.template.game
         return (
@@ -94,7 +93,7 @@ class Side(NamedTuple):
             else evader_velocity(game, action)
         )
 
-    def checked(self, action: object, count: int) -> Array:
+    def checked(self, action: object, count: int) -> FloatArray:
         """Return actions as numbers.
 
         Raises:

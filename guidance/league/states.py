@@ -15,19 +15,19 @@ from numpy.typing import NDArray
 
 from guidance.errors import ConfigError
 from guidance.game import Ball, Game, StandOff
-from guidance.game.arrays import NUMPY
+from guidance.game.arrays import NUMPY, FloatArray
 from guidance.game.rollout import NANOSECOND_S, look_ahead
-from guidance.sim.batch import Array, Batch, stack, strategy_of
+from guidance.sim.batch import Batch, stack, strategy_of
 from guidance.sim.scenario import EVADER, PURSUER, Scenario
 from guidance.strategies import uniform
 
-STREAM: Final = 31
+_STREAM: Final = 31
 """Random stream of initial states."""
 
 DRAWS: Final = 5
 """Random numbers of a state: radius and direction of both players, and the pursuer's height."""
 
-TRIES: Final = 50
+_TRIES: Final = 50
 """How often a state is drawn again because its game is over."""
 
 HOME_SOUTH_M: Final = 2.0
@@ -40,8 +40,8 @@ class States(NamedTuple):
     """Initial states: seeds (n,), and positions (n, 3), m, above the evader's plane."""
 
     seed: SeedArray
-    pursuer_m: Array
-    evader_m: Array
+    pursuer_m: FloatArray
+    evader_m: FloatArray
 
 
 class Arena(NamedTuple):
@@ -116,7 +116,7 @@ def random_states(arena: Arena, seeds: SeedArray) -> States:
     """Return a random state for each seed, (n,)."""
     states = _drawn(arena, seeds, 0)
     over_at_once = np.flatnonzero(_is_over(arena.template, states))
-    for attempt in range(1, TRIES):
+    for attempt in range(1, _TRIES):
         if not len(over_at_once):
             break
         others = _drawn(arena, seeds[over_at_once], attempt)
@@ -128,7 +128,7 @@ def random_states(arena: Arena, seeds: SeedArray) -> States:
 
 def _drawn(arena: Arena, seeds: SeedArray, attempt: int) -> States:
     first = attempt * DRAWS
-    draws = [uniform(seeds, STREAM, first + number) for number in range(DRAWS)]
+    draws = [uniform(seeds, _STREAM, first + number) for number in range(DRAWS)]
     low_m, high_m = arena.heights_m
     height_m = low_m + (high_m - low_m) * draws[4]
     pursuer_m = _positions_m(arena, draws[0], draws[1], height_m)
@@ -136,7 +136,9 @@ def _drawn(arena: Arena, seeds: SeedArray, attempt: int) -> States:
     return States(seeds, pursuer_m, evader_m)
 
 
-def _positions_m(arena: Arena, share: Array, turn: Array, height_m: Array) -> Array:
+def _positions_m(
+    arena: Arena, share: FloatArray, turn: FloatArray, height_m: FloatArray
+) -> FloatArray:
     away_m = arena.radius_m * np.sqrt(share)
     angle_rad = 2.0 * math.pi * turn
     x, y = arena.centre_m

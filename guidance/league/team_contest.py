@@ -15,19 +15,18 @@ from guidance.config import parse_document
 from guidance.errors import ConfigError
 from guidance.game import End
 from guidance.game.team import TEAM_RULES
-from guidance.game.team.rollout import CAPTURES, OPTIMAL
-from guidance.screen import print_as_table
+from guidance.game.team.rollout import CAPTURES
+from guidance.league.contest import CONFIDENCE, RESAMPLES
+from guidance.screen import print_text_table
 from guidance.sim.scenario import PURSUER
 from guidance.sim.teams import TeamScenario, played_teams, teams_of
-from guidance.strategies import uniform
+from guidance.strategies import OPTIMAL, uniform
 
-ROWS: Final = 256
+_ROWS: Final = 256
 """Games that are played at a time."""
 
-RESAMPLES: Final = 200
-STREAM: Final = 43
-CONFIDENCE: Final = (0.025, 0.975)
-"""Bootstrap of an interval of 95 %."""
+_STREAM: Final = 43
+"""Of the bootstrap's random numbers."""
 
 
 class TeamRow(NamedTuple):
@@ -111,8 +110,8 @@ def play_team_pair(contest: TeamContest, player: str, opponent: str) -> TeamRow:
     captured = []
     guaranteed = []
     closer = 0
-    for begin in range(0, contest.games, ROWS):
-        numbers = range(begin, min(begin + ROWS, contest.games))
+    for begin in range(0, contest.games, _ROWS):
+        numbers = range(begin, min(begin + _ROWS, contest.games))
         seeded = [scenario.model_copy(update={"seed": contest.seed + number}) for number in numbers]
         rollout = played_teams(scenario, [teams_of(one) for one in seeded])
         captured.append(np.count_nonzero(rollout.end == End.CAPTURED, axis=1))
@@ -131,7 +130,7 @@ def play_team_pair(contest: TeamContest, player: str, opponent: str) -> TeamRow:
     count = len(shares)
     means = []
     for number in range(RESAMPLES):
-        places = uniform(np.int64(contest.seed), STREAM, np.arange(count) + number * count)
+        places = uniform(np.int64(contest.seed), _STREAM, np.arange(count) + number * count)
         means.append(shares[(places * count).astype(np.intp)].mean())
     low, high = np.quantile(means, CONFIDENCE).tolist()
     return TeamRow(
@@ -170,7 +169,7 @@ def print_team_table(target: Console, contest: TeamContest, rows: list[TeamRow])
         ]
         for row in rows
     ]
-    print_as_table(target, headings, cells, left=range(2))
+    print_text_table(target, headings, cells, left=range(2))
 
 
 def team_document_of(contest: TeamContest, rows: list[TeamRow]) -> dict[str, Any]:

@@ -9,12 +9,12 @@ from gymnasium.spaces import Box
 
 from guidance.errors import ConfigError
 from guidance.game import End, Winner
-from guidance.game.arrays import NUMPY, Real, components
+from guidance.game.arrays import NUMPY, FloatArray, Real, components
 from guidance.game.pe import to_target
 from guidance.game.team import Matching, match_teams
 from guidance.game.team.arguments import joined
 from guidance.game.team.rollout import (
-    Foreseen,
+    NextEvents,
     Outcomes,
     foresee,
     held_m,
@@ -24,7 +24,6 @@ from guidance.game.team.rollout import (
 )
 from guidance.league.play import LEAST_S
 from guidance.league.sides import ROUNDING
-from guidance.sim.batch import Array
 from guidance.sim.scenario import EVADER, PURSUER
 from guidance.sim.team_policies import observed_by
 from guidance.sim.teams import TeamScenario, game_of, teams_of
@@ -32,6 +31,7 @@ from guidance.strategies import bounded
 from guidance.strategies.own import EVADER_SHARES, PURSUER_SHARES, shares_of
 
 ByAgent = dict[str, Any]
+"""A value for each agent, by its name."""
 
 PLAYER_COLUMNS: Final = 6
 """Place and velocity of another player, relative."""
@@ -109,7 +109,7 @@ class TeamScenarioGame:
         observation = Box(-upper, upper, dtype=np.float64)
         return observation, Box(-1.0, 1.0, (shares,), np.float32)
 
-    def velocity(self, agent: str, action: Any) -> Array:  # noqa: ANN401 - as given
+    def velocity(self, agent: str, action: Any) -> FloatArray:  # noqa: ANN401 - as given
         """Return the velocity of an action, (3,).
 
         Raises:
@@ -160,7 +160,7 @@ class TeamScenarioGame:
         gain = self._score - before
         return {agent: self._sign(agent) * gain for agent in self.agents}
 
-    def _straight(self) -> Foreseen:
+    def _straight(self) -> NextEvents:
         """Return lower bounds of the times until straight tracks end in captures and arrivals, s.
 
         A distance is a convex function of time: its tangent is below it.
@@ -175,7 +175,7 @@ class TeamScenarioGame:
             way_to_target_m = np.stack([x, y, z], axis=-1)
             arrival_s = _reached_s(way_to_target_m, w[0], 0.0)
         no_turn_s = np.full((self._n, self._m), math.inf)
-        return Foreseen(capture_s, arrival_s, no_turn_s)
+        return NextEvents(capture_s, arrival_s, no_turn_s)
 
     def ended(self, agent: str) -> int:
         """Return the `End` of an agent: an evader's own, a pursuer's when no evader runs any more."""
@@ -263,7 +263,7 @@ class TeamScenarioGame:
         return self.agents.index(agent)
 
 
-def _reached_s(way_m: Array, closing_m_s: Array, reach_m: Real) -> Array:
+def _reached_s(way_m: FloatArray, closing_m_s: FloatArray, reach_m: Real) -> FloatArray:
     """Return when tangents of distances (..., 3) come to a reach, s; infinite where they grow."""
     away_m = np.sqrt(np.sum(way_m**2, axis=-1))
     product = np.sum(way_m * closing_m_s, axis=-1)

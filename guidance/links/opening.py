@@ -19,7 +19,7 @@ from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh.wire import ZenohWire, session_to
 
 _LINKS: Final = {"mavsdk": MavsdkLink, "pymavlink": PymavlinkLink}
-KINDS: Final = tuple(_LINKS)
+MAVLINK_LINKS: Final = tuple(_LINKS)
 _LOOK_EVERY_S: Final = 0.02
 _HEARTBEAT_EVERY_S: Final = 1.0
 _OWN: Final = (255, 191)
@@ -89,7 +89,7 @@ def open_link(
 
     Args:
         wire: Closed with the link, also if opening fails.
-        kind: One of `KINDS`.
+        kind: One of `MAVLINK_LINKS`.
         system_id: The vehicle's MAVLink system id; messages of others are dropped.
         clock: Time of arrivals, setpoints and repeated requests.
         who: Names the vehicle in errors.

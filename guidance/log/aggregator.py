@@ -9,9 +9,10 @@ from guidance.cycle import Certificate
 from guidance.flight import BEFORE_FLIGHT, FlightSettings
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, Enu, Ned
+from guidance.game.arrays import FloatArray
 from guidance.log.entries import BEGINNINGS, CONFIG, RELOADED, CycleEntry, EventEntry, Item
 from guidance.log.reader import row_of
-from guidance.log.scene import Array, fence_edges
+from guidance.log.scene import fence_edges
 from guidance.messages import Home, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
@@ -88,7 +89,7 @@ class Aggregator:
         self.home_m: Enu | None = None
 
     @property
-    def fence_m(self) -> list[Array]:
+    def fence_m(self) -> list[FloatArray]:
         """The fence's closed edges, (n, 3) each, at the height of home; none until home is known."""
         if self.home_m is None:
             return []

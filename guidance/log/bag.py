@@ -20,7 +20,7 @@ from guidance.log.ros import RosFlight, nanoseconds_of, ros_name
 BAG_VERSION: Final = 8
 """Version of metadata.yaml; ROS 2 Iron and later read it."""
 
-FOLDER: Final = "ros2"
+BAG_FOLDER: Final = "ros2"
 """Name of a flight's bag beside its record."""
 
 
@@ -77,7 +77,7 @@ def _messages(name: str, path: Path, settings_of: SettingsOf) -> Iterator[_Timed
             continue
         time_ns = nanoseconds_of(started_s + row.now_s)
         for topic, content in flight.cycle(row):
-            data = ros_types.encode(content)
+            data = ros_types.encode_cdr(content)
             yield _Timed(time_ns, topic, content.__msgtype__, data)
 
 

@@ -32,7 +32,7 @@ from guidance.log.entries import (
 from guidance.log.sink import Entry
 from guidance.log.writer import Record
 
-MAX_WAITING: Final = 256
+MAX_BROADCASTS_WAITING: Final = 256
 """Five seconds of cycles; further entries are dropped and counted."""
 
 _MOST_QUERIES: Final = 16
@@ -42,7 +42,7 @@ FLIGHT: Final = "flight"
 
 
 MAX_ARRIVED: Final = 4096
-TIMEOUT_S: Final = 4.0
+_TIMEOUT_S: Final = 4.0
 _CODECS: Final[Mapping[str, Codec[Any]]] = {"cycle": CYCLE, "event": EVENT}
 """By the last part of a broadcast key."""
 
@@ -89,7 +89,7 @@ class Broadcast(Record):
     def frames(self, passed: Sequence[Entry]) -> None:
         """Publish cycles and events; raw frames are published elsewhere."""
         for _, _, entry in passed:
-            if len(self._waiting) >= MAX_WAITING:
+            if len(self._waiting) >= MAX_BROADCASTS_WAITING:
                 self.dropped += 1
             elif not isinstance(entry, bytes):
                 self._waiting.append(entry)
@@ -219,14 +219,14 @@ class LiveFlight:
     live = True
 
     def __init__(self, session: "zenoh.Session", name: str | None = None) -> None:
-        flights = {flight.name: flight for flight in find_flights(session, name or "*", TIMEOUT_S)}
+        flights = {flight.name: flight for flight in find_flights(session, name or "*", _TIMEOUT_S)}
         if len(flights) > 1:
             raise ConfigError(
                 f"--name: which vehicle? daemons on this bus: {', '.join(sorted(flights))}"
             )
         if not flights:
             raise LinkError(
-                f"{name or 'any daemon'}: no answer within {TIMEOUT_S:g} s; is it running?"
+                f"{name or 'any daemon'}: no answer within {_TIMEOUT_S:g} s; is it running?"
             )
         ((self.name, self._flight),) = flights.items()
         self._arriving = session.declare_subscriber(

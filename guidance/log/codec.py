@@ -38,7 +38,7 @@ from guidance.frames import Enu, Ned
 from guidance.messages import Message
 
 Schema = dict[str, Any]
-T = TypeVar("T")
+Value = TypeVar("Value")
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 _TAG: Final = "kind"
@@ -73,7 +73,7 @@ _PLAIN: Final[Mapping[Any, Form]] = {
 }
 
 
-class Codec(Generic[T]):
+class Codec(Generic[Value]):
     """Converts values of one type.
 
     Args:
@@ -85,7 +85,7 @@ class Codec(Generic[T]):
         TypeError: If viewers cannot read the type.
     """
 
-    def __init__(self, title: str, kind: Callable[..., T], topic: str = "") -> None:
+    def __init__(self, title: str, kind: Callable[..., Value], topic: str = "") -> None:
         self.title = title
         self.topic = topic
         self._name = kind.__name__
@@ -93,7 +93,7 @@ class Codec(Generic[T]):
         self.schema: Schema = {"$schema": DIALECT, "title": title, **schema}
         self._validator = SchemaValidator(core)
 
-    def encode(self, value: T) -> bytes:
+    def encode(self, value: Value) -> bytes:
         """Return a value as JSON; text that is not valid Unicode is written with question marks."""
         written = value if self._write is None else self._write(value)
         try:
@@ -101,18 +101,18 @@ class Codec(Generic[T]):
         except PydanticSerializationError:  # a lone surrogate, which a sender of JSON can produce
             return json.dumps(plain(written), ensure_ascii=False).encode("utf-8", "replace")
 
-    def plain(self, value: T) -> Any:  # noqa: ANN401 - any JSON
+    def plain(self, value: Value) -> Any:  # noqa: ANN401 - any JSON
         """Return a value as the dictionaries, lists and numbers of its JSON."""
         return json.loads(self.encode(value))
 
-    def decode(self, data: bytes | str) -> T:
+    def decode(self, data: bytes | str) -> Value:
         """Read a value.
 
         Raises:
             ConfigError: If it is not JSON or does not match the type, for example in a record of another version.
         """
         try:
-            value: T = self._validator.validate_json(data)
+            value: Value = self._validator.validate_json(data)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             key = ".".join(map(str, (self._name, *first["loc"])))

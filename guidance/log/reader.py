@@ -35,10 +35,10 @@ from guidance.errors import ConfigError
 from guidance.files import open_regular
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, EVENT, REPORT, RUN, CycleEntry, EventEntry, Idle, Item
-from guidance.log.writer import END, LAST, PART, part_path
+from guidance.log.writer import END_METADATA, LAST, PART, part_path
 from guidance.messages import EvaderReport
 
-T = TypeVar("T")
+_Read = TypeVar("_Read")
 
 MAX_RECORD_BYTES: Final = 16 * 2**20
 """Largest MCAP record, and largest uncompressed chunk. Our chunks are 32 KiB, those of other writers 1 to 4 MiB."""
@@ -210,7 +210,7 @@ def _scan_file(
                     channels[record.id] = record
                 elif isinstance(record, Metadata) and record.name == RUN:
                     metadata.update(record.metadata)
-                elif isinstance(record, Metadata) and record.name == END:
+                elif isinstance(record, Metadata) and record.name == END_METADATA:
                     ends.update(record.metadata)
                 elif isinstance(record, Message) and record.channel_id in channels:
                     yield survey.add(channels[record.channel_id], record)
@@ -271,7 +271,7 @@ def reports_of(path: Path, survey: Survey | None = None) -> Iterator[EvaderRepor
     return _entries(REPORT, path, survey)
 
 
-def entry_of(codec: Codec[T], item: Item, source: Path) -> T:
+def entry_of(codec: Codec[_Read], item: Item, source: Path) -> _Read:
     """Decode one message of a JSON channel.
 
     Raises:
@@ -294,7 +294,7 @@ def row_of(item: Item, source: Path) -> CycleEntry | EventEntry | None:
     return entry_of(EVENT, item, source) if item.topic == EVENT.topic else None
 
 
-def _entries(codec: Codec[T], path: Path, survey: Survey | None) -> Iterator[T]:
+def _entries(codec: Codec[_Read], path: Path, survey: Survey | None) -> Iterator[_Read]:
     return (entry_of(codec, item, path) for item in scan(path, survey) if item.topic == codec.topic)
 
 

@@ -27,10 +27,11 @@ from guidance.flight import BEFORE_FLIGHT, State
 from guidance.flight.tracking import Tracking
 from guidance.frames import STILL, Enu, GameFrame, LocalFrame, game_from_ned
 from guidance.game import Reason, Winner
+from guidance.game.arrays import FloatArray
 from guidance.links.zenoh import ros_types
 from guidance.log.aggregator import SettingsOf
 from guidance.log.entries import BEGINNINGS, CONFIG, RELOADED, CycleEntry, EventEntry
-from guidance.log.scene import Array, disc, isochron_at, lifted
+from guidance.log.scene import disc, isochron_at, lifted
 from guidance.messages import Attitude, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState, observe
 
@@ -47,24 +48,24 @@ MOTION_EVERY_S: Final = 0.04
 ISOCHRON_EVERY_S: Final = 0.5
 """Period of the isochron among the markers. It costs more than all else: 4 ms."""
 
-ODOMETRY: Final = Topic("odometry", ros_types.ODOMETRY, MOTION_EVERY_S)
-EVADER: Final = Topic("evader/odometry", ros_types.ODOMETRY, MOTION_EVERY_S)
+ODOMETRY_TOPIC: Final = Topic("odometry", ros_types.ODOMETRY_TYPE, MOTION_EVERY_S)
+EVADER_TOPIC: Final = Topic("evader/odometry", ros_types.ODOMETRY_TYPE, MOTION_EVERY_S)
 SETPOINT: Final = Topic("setpoint", ros_types.TWIST_STAMPED, MOTION_EVERY_S)
-TRANSFORMS: Final = Topic("/tf", ros_types.TRANSFORMS, MOTION_EVERY_S)
-MARKERS: Final = Topic("markers", ros_types.MARKERS, 0.2)
-PATH: Final = Topic("path", ros_types.PATH, 1.0)
-DIAGNOSTICS: Final = Topic("/diagnostics", ros_types.DIAGNOSTICS, 1.0)
+TRANSFORMS: Final = Topic("/tf", ros_types.TRANSFORMS_TYPE, MOTION_EVERY_S)
+MARKERS: Final = Topic("markers", ros_types.MARKERS_TYPE, 0.2)
+PATH: Final = Topic("path", ros_types.PATH_TYPE, 1.0)
+DIAGNOSTICS: Final = Topic("/diagnostics", ros_types.DIAGNOSTICS_TYPE, 1.0)
 
-TOPICS: Final = (ODOMETRY, EVADER, SETPOINT, TRANSFORMS, MARKERS, PATH, DIAGNOSTICS)
+TOPICS: Final = (ODOMETRY_TOPIC, EVADER_TOPIC, SETPOINT, TRANSFORMS, MARKERS, PATH, DIAGNOSTICS)
 """All topics of a vehicle. A change of state and an alarm are on `/diagnostics` at once."""
 
-MAP: Final = "map"
+_MAP: Final = "map"
 EARTH: Final = "earth"
 
 MOST_POSES: Final = 600
 """Poses of a path, one each second: the last ten minutes."""
 
-ALARM_SHOWN_S: Final = 5.0
+_ALARM_SHOWN_S: Final = 5.0
 
 _EARTH_EVERY_S: Final = 1.0
 _EARLY: Final = 0.9
@@ -103,7 +104,7 @@ class RosMessage(NamedTuple):
     """One message: its topic with the vehicle's name, and its content."""
 
     topic: str
-    content: ros_types.Message
+    content: ros_types.RosValue
 
 
 def ros_name(name: str) -> str:
@@ -152,7 +153,7 @@ class RosFlight:
         self._vehicle = VehicleState()
         self._state = State.CONNECTING
         self._sent_s: dict[str, float] = {}
-        self._poses = deque[ros_types.Message](maxlen=MOST_POSES)
+        self._poses = deque[ros_types.RosValue](maxlen=MOST_POSES)
         self._alarm: Alarm | None = None
         self._alarm_s = -math.inf
         self._alarms = 0
@@ -163,7 +164,7 @@ class RosFlight:
     def map_frame(self) -> str:
         """The frame that stands still: common to all, or the vehicle's own in a team without a common site."""
         has_team = self._settings.team is not None
-        return f"{self.name}/{MAP}" if has_team and self._settings.cycle.site is None else MAP
+        return f"{self.name}/{_MAP}" if has_team and self._settings.cycle.site is None else _MAP
 
     def event(self, entry: EventEntry) -> None:
         """Follow an event: some begin another flight."""
@@ -217,7 +218,7 @@ class RosFlight:
     def _is_due(self, name: str, now_s: float, every_s: float) -> bool:
         return now_s - self._sent_s.get(name, -math.inf) >= _EARLY * every_s
 
-    def _pose(self) -> ros_types.Message | None:
+    def _pose(self) -> ros_types.RosValue | None:
         """Return the vehicle's pose in the map; None until its place is known."""
         local = self._vehicle.latest.get(LocalPosition)
         game = self._tracking.game_frame
@@ -231,13 +232,13 @@ class RosFlight:
         yaw_rad = _yaw_enu_rad(self._vehicle)
         return (0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
 
-    def _header(self, now_s: float, frame: str | None = None) -> ros_types.Message:
+    def _header(self, now_s: float, frame: str | None = None) -> ros_types.RosValue:
         # ROS has no negative times here; they become zero.
         seconds, nanoseconds = divmod(nanoseconds_of(self._started_unix_s + now_s), 1_000_000_000)
         stamp = _types("builtin_interfaces/msg/Time")(seconds, nanoseconds)
         return _types("std_msgs/msg/Header")(stamp, self.map_frame if frame is None else frame)
 
-    def _odometry(self, entry: CycleEntry) -> ros_types.Message | None:
+    def _odometry(self, entry: CycleEntry) -> ros_types.RosValue | None:
         local = self._vehicle.latest.get(LocalPosition)
         pose = self._pose()
         if local is None or pose is None:
@@ -264,7 +265,7 @@ class RosFlight:
                 self._motion = game.motion_from_ned(evader.position_ned_m, velocity_ned_m_s)
         return self._motion
 
-    def _evader(self, entry: CycleEntry) -> ros_types.Message | None:
+    def _evader(self, entry: CycleEntry) -> ros_types.RosValue | None:
         motion = self._evader_motion(entry)
         if motion is None:
             return None
@@ -272,14 +273,14 @@ class RosFlight:
         header = self._header(entry.now_s)
         return _odometry(header, f"{self.name}/evader", _pose(position_m, _UPRIGHT), velocity_m_s)
 
-    def _setpoint(self, entry: CycleEntry) -> ros_types.Message | None:
+    def _setpoint(self, entry: CycleEntry) -> ros_types.RosValue | None:
         if entry.setpoint is None:
             return None
         velocity_m_s = game_from_ned(entry.setpoint.velocity_ned_m_s)
         stamped = _types(ros_types.TWIST_STAMPED)
         return stamped(self._header(entry.now_s), _twist(velocity_m_s))
 
-    def _transforms(self, entry: CycleEntry) -> ros_types.Message | None:
+    def _transforms(self, entry: CycleEntry) -> ros_types.RosValue | None:
         game = self._tracking.game_frame
         local = self._vehicle.latest.get(LocalPosition)
         if game is None or local is None:
@@ -305,16 +306,16 @@ class RosFlight:
             self._sent_s[EARTH] = now_s
             place_m, turn = earth_of(frame, game)
             frames.append(self._transform(now_s, EARTH, self.map_frame, place_m, turn))
-        return _types(ros_types.TRANSFORMS)(frames)
+        return _types(ros_types.TRANSFORMS_TYPE)(frames)
 
     def _transform(
         self, now_s: float, parent: str, child: str, position_m: Sequence[float], turn: Quaternion
-    ) -> ros_types.Message:
+    ) -> ros_types.RosValue:
         transform = _types("geometry_msgs/msg/Transform")(_vector(position_m), _quaternion(turn))
         stamped = _types("geometry_msgs/msg/TransformStamped")
         return stamped(self._header(now_s, parent), child, transform)
 
-    def _markers(self, entry: CycleEntry) -> ros_types.Message | None:
+    def _markers(self, entry: CycleEntry) -> ros_types.RosValue | None:
         certificate = entry.certificate
         if certificate is None:
             return None
@@ -334,7 +335,7 @@ class RosFlight:
                     entry.now_s, 2, "meeting_point", _SPHERE, meeting_m, size_m, _MEETING_COLOUR, []
                 )
             )
-        return _types(ros_types.MARKERS)(markers)
+        return _types(ros_types.MARKERS_TYPE)(markers)
 
     def _line(
         self,
@@ -343,7 +344,7 @@ class RosFlight:
         name: str,
         points: Sequence[Sequence[float]],
         colour: Quaternion,
-    ) -> ros_types.Message:
+    ) -> ros_types.RosValue:
         point = _types("geometry_msgs/msg/Point")
         corners = [point(*corner) for corner in points]
         return self._marker(now_s, number, name, _LINE, _STILL, (0.2, 0.0, 0.0), colour, corners)
@@ -357,8 +358,8 @@ class RosFlight:
         place_m: Enu,
         size_m: tuple[float, float, float],
         colour: Quaternion,
-        points: Sequence[ros_types.Message],
-    ) -> ros_types.Message:
+        points: Sequence[ros_types.RosValue],
+    ) -> ros_types.RosValue:
         empty = np.empty(0, np.uint8)
         zero = _types("builtin_interfaces/msg/Time")(0, 0)
         header = _types("std_msgs/msg/Header")
@@ -385,12 +386,12 @@ class RosFlight:
             mesh_use_embedded_materials=False,
         )
 
-    def _path(self, entry: CycleEntry) -> ros_types.Message | None:
+    def _path(self, entry: CycleEntry) -> ros_types.RosValue | None:
         if not self._poses:
             return None
-        return _types(ros_types.PATH)(self._header(entry.now_s), list(self._poses))
+        return _types(ros_types.PATH_TYPE)(self._header(entry.now_s), list(self._poses))
 
-    def _diagnostics(self, entry: CycleEntry) -> ros_types.Message:
+    def _diagnostics(self, entry: CycleEntry) -> ros_types.RosValue:
         alarm_level = _OK
         alarm_words = "none"
         alarm_values: dict[str, Any] = {"count": self._alarms}
@@ -398,7 +399,7 @@ class RosFlight:
             ago_s = entry.now_s - self._alarm_s
             alarm_values |= {"last": self._alarm.words, "ago_s": ago_s}
             alarm_words = "none now"
-            if ago_s <= ALARM_SHOWN_S:
+            if ago_s <= _ALARM_SHOWN_S:
                 alarm_level = _WARN
                 alarm_words = self._alarm.words
         status = [
@@ -406,7 +407,7 @@ class RosFlight:
             self._status("certificate", *_of_certificate(entry.certificate)),
             self._status("alarms", alarm_level, alarm_words, alarm_values),
         ]
-        return _types(ros_types.DIAGNOSTICS)(self._header(entry.now_s, ""), status)
+        return _types(ros_types.DIAGNOSTICS_TYPE)(self._header(entry.now_s, ""), status)
 
     def _of_flight(self, entry: CycleEntry) -> tuple[int, str, dict[str, Any]]:
         values: dict[str, Any] = {"state": entry.state}
@@ -422,7 +423,7 @@ class RosFlight:
 
     def _status(
         self, part: str, level: int, words: str, values: Mapping[str, Any]
-    ) -> ros_types.Message:
+    ) -> ros_types.RosValue:
         pair = _types("diagnostic_msgs/msg/KeyValue")
         pairs = [pair(key, _text(value)) for key, value in values.items()]
         status = _types("diagnostic_msgs/msg/DiagnosticStatus")
@@ -430,8 +431,8 @@ class RosFlight:
 
 
 _MAKERS: Final = {
-    ODOMETRY: RosFlight._odometry,  # noqa: SLF001 - a table of its methods
-    EVADER: RosFlight._evader,  # noqa: SLF001
+    ODOMETRY_TOPIC: RosFlight._odometry,  # noqa: SLF001 - a table of its methods
+    EVADER_TOPIC: RosFlight._evader,  # noqa: SLF001
     SETPOINT: RosFlight._setpoint,  # noqa: SLF001
     TRANSFORMS: RosFlight._transforms,  # noqa: SLF001
     MARKERS: RosFlight._markers,  # noqa: SLF001
@@ -475,34 +476,34 @@ def nanoseconds_of(unix_s: float) -> int:
     return max(0, round(unix_s * 1e9))
 
 
-def _vector(vector: Sequence[float]) -> ros_types.Message:
+def _vector(vector: Sequence[float]) -> ros_types.RosValue:
     return _types("geometry_msgs/msg/Vector3")(*vector)
 
 
-def _quaternion(turn: Quaternion) -> ros_types.Message:
+def _quaternion(turn: Quaternion) -> ros_types.RosValue:
     return _types("geometry_msgs/msg/Quaternion")(*turn)
 
 
-def _pose(position_m: Sequence[float], turn: Quaternion) -> ros_types.Message:
+def _pose(position_m: Sequence[float], turn: Quaternion) -> ros_types.RosValue:
     point = _types("geometry_msgs/msg/Point")(*position_m)
     return _types("geometry_msgs/msg/Pose")(point, _quaternion(turn))
 
 
-def _twist(velocity_m_s: Enu) -> ros_types.Message:
+def _twist(velocity_m_s: Enu) -> ros_types.RosValue:
     return _types("geometry_msgs/msg/Twist")(_vector(velocity_m_s), _vector(_STILL))
 
 
-_UNKNOWN_COVARIANCE: Final[Array] = np.zeros(36)
+_UNKNOWN_COVARIANCE: Final[FloatArray] = np.zeros(36)
 
 
 def _odometry(
-    header: ros_types.Message, child: str, pose: ros_types.Message, velocity_m_s: Enu
-) -> ros_types.Message:
+    header: ros_types.RosValue, child: str, pose: ros_types.RosValue, velocity_m_s: Enu
+) -> ros_types.RosValue:
     """Return an Odometry; the velocity is in the axes of the child."""
     placed = _types("geometry_msgs/msg/PoseWithCovariance")(pose, _UNKNOWN_COVARIANCE)
     twist = _twist(velocity_m_s)
     moving = _types("geometry_msgs/msg/TwistWithCovariance")(twist, _UNKNOWN_COVARIANCE)
-    return _types(ros_types.ODOMETRY)(header, child, placed, moving)
+    return _types(ros_types.ODOMETRY_TYPE)(header, child, placed, moving)
 
 
 def _yaw_enu_rad(vehicle: VehicleState) -> float:

@@ -13,17 +13,17 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from guidance.control import Envelope
 from guidance.cycle import Certificate, CycleSettings, game_played
 from guidance.frames import Enu
 from guidance.game import Extent, Game, solve
+from guidance.game.arrays import FloatArray
 from guidance.log.codec import DIALECT, Schema
 from guidance.log.entries import CycleEntry
 from guidance.messages import EvaderReport, GlobalPosition
 
-EVERY_S: Final = 0.1
+POSE_EVERY_S: Final = 0.1
 SCENE_EVERY_S: Final = 0.2
 """Periods of the map and pose messages, and of the scene."""
 
@@ -36,10 +36,11 @@ _UNUSED: Final = ("metadata", "arrows", "cubes", "cylinders", "triangles", "text
 """Lists of a scene entity that viewers expect and that stay empty here."""
 
 Json = dict[str, Any]
-Array = NDArray[np.float64]
 
 
-def circle(centre: Sequence[float] | Array, radius_m: float, points: int = 181) -> Array:
+def circle_points(
+    centre: Sequence[float] | FloatArray, radius_m: float, points: int = 181
+) -> FloatArray:
     """A closed circle (points, 2), seen from above."""
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     return np.stack(
@@ -47,18 +48,20 @@ def circle(centre: Sequence[float] | Array, radius_m: float, points: int = 181) 
     )
 
 
-def lifted(curve: Array, height_m: float) -> Array:
+def lifted(curve: FloatArray, height_m: float) -> FloatArray:
     """Lift a curve (n, 2) to a height: (n, 3)."""
     return np.column_stack([curve, np.full(len(curve), height_m)])
 
 
-def target_edge(place_m: Enu, extent: Extent) -> Array:
+def target_edge(place_m: Enu, extent: Extent) -> FloatArray:
     """The closed edge (n, 2) of a target's shape about its place; of a point nothing."""
     edge = np.array(extent.outline_m()).reshape(-1, 2) + np.array(place_m[:2])
     return np.concatenate([edge, edge[:1]])
 
 
-def isochron(game: Game, pursuer_m: Enu | Array, evader_m: Enu | Array, points: int = 181) -> Array:
+def isochron(
+    game: Game, pursuer_m: Enu | FloatArray, evader_m: Enu | FloatArray, points: int = 181
+) -> FloatArray:
     """Capture points (points, 2) of an evader that runs straight at full speed, one for each heading, m.
 
     The paper's Apollonius circle for a Ball and point capture. Found from the game itself: TAD towards a far target in
@@ -77,7 +80,7 @@ def isochron(game: Game, pursuer_m: Enu | Array, evader_m: Enu | Array, points: 
     )
 
 
-def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> Array:
+def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> FloatArray:
     """The isochron (points, 2) of the cycle's game. It contains the meeting point."""
     bound_m_s = settings.game.pursuer.horizontal_m_s / certificate.speed_ratio
     game, _ = game_played(settings, bound_m_s, certificate.evader_age_s)
@@ -86,11 +89,11 @@ def isochron_at(settings: CycleSettings, certificate: Certificate, points: int =
     return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)
 
 
-def fence_edges(envelope: Envelope, home_m: Enu) -> list[Array]:
+def fence_edges(envelope: Envelope, home_m: Enu) -> list[FloatArray]:
     """The fence's edges as closed curves (n, 3), at the height of home."""
     edges = []
     if envelope.fence_radius_m is not None:
-        edges.append(circle(home_m, envelope.fence_radius_m))
+        edges.append(circle_points(home_m, envelope.fence_radius_m))
     if envelope.fence_polygon is not None:
         # North, east of home
         corners = np.array(envelope.fence_polygon.corners_ne_m)[:, ::-1] + np.array(home_m[:2])
@@ -206,7 +209,7 @@ POSE: Final = _shape("foxglove.PoseInFrame", _pose_in_frame(0.0, _ZERO))
 SCENE: Final = _shape("foxglove.SceneUpdate", _scene(0.0, [_ball(_ZERO, 1.0, _PURSUER)], [_ZERO]))
 
 
-Drawn = tuple[str, Schema, Json]
+_Drawn = tuple[str, Schema, Json]
 """One message for viewers: topic, JSON Schema and content."""
 
 
@@ -216,7 +219,7 @@ class Scene:
     def __init__(self) -> None:
         self._drawn_s: dict[str, float] = {}
 
-    def of(self, entry: CycleEntry) -> Iterator[Drawn]:
+    def of(self, entry: CycleEntry) -> Iterator[_Drawn]:
         """Draw one cycle."""
         for message in entry.inputs.messages:
             if isinstance(message, GlobalPosition):
@@ -230,7 +233,7 @@ class Scene:
             return
         pursuer = certificate.pursuer_game_m
         evader = certificate.evader_game_m
-        if self._is_due("guidance/pose", now_s, EVERY_S):
+        if self._is_due("guidance/pose", now_s, POSE_EVERY_S):
             yield "guidance/pose/pursuer", POSE, _pose_in_frame(now_s, pursuer)
             yield "guidance/pose/evader", POSE, _pose_in_frame(now_s, evader)
         if self._is_due("guidance/scene", now_s, SCENE_EVERY_S):
@@ -241,9 +244,9 @@ class Scene:
 
     def _on_map(
         self, name: str, message: GlobalPosition | EvaderReport, sd_m: float
-    ) -> Iterator[Drawn]:
+    ) -> Iterator[_Drawn]:
         topic = f"guidance/map/{name}"
-        if self._is_due(topic, message.received_s, EVERY_S):
+        if self._is_due(topic, message.received_s, POSE_EVERY_S):
             position = (message.latitude_deg, message.longitude_deg, message.altitude_amsl_m)
             yield topic, FIX, _fix(message.received_s, name, position, sd_m)
 
@@ -255,7 +258,7 @@ class Scene:
         return True
 
 
-_RIM: Final = [(float(x), float(y)) for x, y in circle((0.0, 0.0), 1.0, 37)[:-1]]
+_RIM: Final = [(float(x), float(y)) for x, y in circle_points((0.0, 0.0), 1.0, 37)[:-1]]
 """Corners of a rim of radius 1."""
 
 

@@ -39,13 +39,13 @@ VIRTUAL_CHUNK_S: Final = 1.0
 PART = "part"
 """Metadata key: the number of a file; absent in the first."""
 
-END: Final = "end"
+END_METADATA: Final = "end"
 """Name of the metadata at the end of a finished file."""
 
 LAST: Final = "last"
 """Its key: "yes" in the record's last file, "no" if another one follows."""
 
-MAX_WAITING: Final = 4096
+MAX_ENTRIES_WAITING: Final = 4096
 """Entries that may wait for the recorder's thread; further ones are dropped and counted."""
 
 PACKAGE: Final = "pursuit-guidance"
@@ -137,7 +137,7 @@ class Recorder(Record):
         if self._thread is None and now_s >= self._chunk_ends_s:
             self._chunk_ends_s = now_s + VIRTUAL_CHUNK_S
             self._write()
-        while self._thread is not None and len(self._waiting) > MAX_WAITING:
+        while self._thread is not None and len(self._waiting) > MAX_ENTRIES_WAITING:
             self._waiting.pop()
             self.dropped += 1
 
@@ -317,5 +317,5 @@ class McapFile:
         with self._file:
             if finish:
                 self.end_chunk()
-                self._writer.add_metadata(END, {LAST: "yes" if last else "no"})
+                self._writer.add_metadata(END_METADATA, {LAST: "yes" if last else "no"})
                 self._writer.finish()

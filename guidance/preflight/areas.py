@@ -19,7 +19,7 @@ from guidance.control.polygon import Point
 Points = NDArray[np.float64]
 """Points north and east of home in metres, shape (count, 2)."""
 
-Flags = NDArray[np.bool_]
+_Flags = NDArray[np.bool_]
 
 MOST_EDGES: Final = 3000
 """Most edges of all areas. Judging them takes about a tenth of a second."""
@@ -67,7 +67,7 @@ def ring_of_circle(centre_m: Point, radius_m: float, *, larger: bool) -> tuple[P
     )
 
 
-def contains(ring: Sequence[Point], points_m: Points) -> Flags:
+def contains(ring: Sequence[Point], points_m: Points) -> _Flags:
     """Return which points are inside a ring by even-odd: a ray to the east crosses an odd number of edges."""
     starts, ends = _edges(ring)
     north = points_m[:, :1]
@@ -76,7 +76,7 @@ def contains(ring: Sequence[Point], points_m: Points) -> Flags:
     crosses = (starts[:, 0] > north) != (ends[:, 0] > north)
     share = (north - starts[:, 0]) / np.where(rise == 0.0, 1.0, rise)
     crossing_east = starts[:, 1] + share * (ends[:, 1] - starts[:, 1])
-    inside: Flags = np.count_nonzero(crosses & (east < crossing_east), axis=1) % 2 == 1
+    inside: _Flags = np.count_nonzero(crosses & (east < crossing_east), axis=1) % 2 == 1
     return inside
 
 
@@ -119,7 +119,7 @@ def acts_inside(
     return _first_point(outline_m[forbidden]) if forbidden.any() else None
 
 
-def _forbidden(areas: Sequence[Ring], points_m: Points, *, one_inclusion_is_enough: bool) -> Flags:
+def _forbidden(areas: Sequence[Ring], points_m: Points, *, one_inclusion_is_enough: bool) -> _Flags:
     """Return at which points of our outline the fence acts. A point on the outline of an area is allowed by it."""
     inclusions = [area for area in areas if area.inclusion]
     outside = np.zeros(len(points_m), dtype=bool)
@@ -138,14 +138,14 @@ def _forbidden(areas: Sequence[Ring], points_m: Points, *, one_inclusion_is_enou
     return outside
 
 
-def _in_any(areas: Sequence[Ring], points_m: Points) -> Flags:
+def _in_any(areas: Sequence[Ring], points_m: Points) -> _Flags:
     inside = np.zeros(len(points_m), dtype=bool)
     for area in areas:
         inside |= contains(area.corners_m, points_m)
     return inside
 
 
-def _inside_ours(ours: Sequence[Sequence[Point]], points_m: Points, depth_m: float) -> Flags:
+def _inside_ours(ours: Sequence[Sequence[Point]], points_m: Points, depth_m: float) -> _Flags:
     """Return which points are inside our fence by more than `depth_m`; a negative depth allows points outside."""
     inside = np.ones(len(points_m), dtype=bool)
     for ring in ours:

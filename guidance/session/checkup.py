@@ -209,7 +209,7 @@ def checkup_of(config: Config) -> Iterator[Checkup]:
 CYCLES: Final = 50
 """Cycles of the timing check: one second."""
 
-LATE_S: Final = 0.005
+LATE_CYCLE_S: Final = 0.005
 """A later start of a cycle is reported."""
 
 FLIGHT_BYTES: Final = 240_000_000
@@ -304,7 +304,12 @@ def _cadence() -> Finding:
     delay = f"{1e3 * worst_s:.1f} ms late at worst in {CYCLES} cycles"
     advice = "end what else runs, or allow real-time scheduling (the next row)"
     return Finding.of(
-        worst_s <= LATE_S, "cadence", delay, f"at most {1e3 * LATE_S:g} ms", advice, WARN
+        worst_s <= LATE_CYCLE_S,
+        "cadence",
+        delay,
+        f"at most {1e3 * LATE_CYCLE_S:g} ms",
+        advice,
+        WARN,
     )
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 RECORD: Final = "record.mcap"
 PICTURE: Final = "flight.png"
 
-TEAM: Final = "team"
+TEAM_FOLDER: Final = "team"
 """Metadata of a record: the separation and the evaders of a vehicle in a team, as JSON."""
 
 _SHORT: Final = {SCENARIO: {"policy": "pursuer.policy"}, CONFIG: {"policy": "game.policy"}}
@@ -123,8 +123,10 @@ def recorded_settings(
     from guidance.sim.scenario import Scenario  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
     team = None
-    if TEAM in metadata:
-        team = parse_document(TeamPlan, json.loads(metadata[TEAM]), source="the record's team")
+    if TEAM_FOLDER in metadata:
+        team = parse_document(
+            TeamPlan, json.loads(metadata[TEAM_FOLDER]), source="the record's team"
+        )
     return settings_of(config, parse_document(Scenario, document, source=source), team)
 
 

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 
 from guidance.config import Section
 
-LOOPBACK: Final = re.compile(
+LOOPBACK_ENDPOINT: Final = re.compile(
     r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+|unixsock-stream/.+"
 )
 
@@ -30,7 +30,7 @@ class Control(Section):
     @field_validator("endpoint")
     @classmethod
     def _check_loopback(cls, endpoint: str) -> str:
-        if LOOPBACK.fullmatch(endpoint) is None and BY_TLS.fullmatch(endpoint) is None:
+        if LOOPBACK_ENDPOINT.fullmatch(endpoint) is None and BY_TLS.fullmatch(endpoint) is None:
             allowed = (
                 "on loopback, as tcp/127.0.0.1:7448, or a router with TLS, as tls/192.168.1.10:7447"
             )

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from guidance.config import Section
 from guidance.links.zenoh.access import ZenohSection
-from guidance.session.orders_section import BY_TLS, LOOPBACK
+from guidance.session.orders_section import BY_TLS, LOOPBACK_ENDPOINT
 
 
 class LogSection(Section):
@@ -69,6 +69,6 @@ class RosSection(Section):
         if self.by_tls and zenoh.tls_ca_file is None:
             yield f"{key}: needs zenoh.tls_ca_file, which signed the router's certificate"
         proven = self.by_tls and zenoh.tls_certificate_file is not None
-        if self.orders and not proven and LOOPBACK.fullmatch(self.endpoint) is None:
+        if self.orders and not proven and LOOPBACK_ENDPOINT.fullmatch(self.endpoint) is None:
             allowed = "a router on loopback, or tls/ with zenoh.tls_certificate_file"
             yield f"{key}: with ros.orders = true must be {allowed}; else anyone could command the vehicle"

@@ -22,7 +22,7 @@ from guidance.flight.settings import LIMITS_S, FlightSection, TeamSection
 from guidance.frames import Amsl, Enu, Place
 from guidance.game.arrays import FLOATS
 from guidance.game.extent import POINT
-from guidance.game.game import STILL
+from guidance.game.game import NO_WIND
 from guidance.game.rules import Rules, game_by
 from guidance.game.speed_sets import SpeedSet
 from guidance.links.evaders.section import EvaderSection
@@ -185,7 +185,7 @@ def _terms(config: Config | None, scenario: "Scenario | None") -> _Terms:
         from guidance.sim import batch  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
         from guidance.sim.scenario import EVADER_ID  # noqa: PLC0415
 
-        rules = batch.rules_of([scenario.as_flown()])._replace(
+        rules = batch.true_rules([scenario.as_flown()])._replace(
             evader_speed_m_s=scenario.evader.believed_speed_m_s, capture_radius_m=0.0
         )
         game = _scenario_game(scenario, rules.pursuer)
@@ -240,7 +240,7 @@ def _by_file(config: Config) -> _Terms:
             capture_radius_m=0.0,
             standoff_radius_m=game.standoff_radius_m,
             standoff_height_m=game.standoff_height_m,
-            wind_m_s=STILL,
+            wind_m_s=NO_WIND,
             target_velocity_m_s=game.target_velocity_m_s,
             target_extent=extent,
         ),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from guidance.flight.settings import TeamSection
 from guidance.links.zenoh.team import ZenohTeam
-from guidance.session.flight_files import RECORD, TEAM, flight_metadata
+from guidance.session.flight_files import RECORD, TEAM_FOLDER, flight_metadata
 from guidance.session.fly.loop import claimed
 from guidance.session.fly.mission import Mission
 from guidance.session.fly.own_policy import asked_in_flight, require_policies
@@ -121,11 +121,11 @@ def _equip(
         )
         if isinstance(scenario, TeamScenario):
             metadata |= {
-                TEAM: team_plan(scenario, flight.pursuits).model_dump_json(),
+                TEAM_FOLDER: team_plan(scenario, flight.pursuits).model_dump_json(),
                 "vehicle": name,
             }
             transport = (
-                ZenohTeam(now_s, bus, TEAM, name, names)
+                ZenohTeam(now_s, bus, TEAM_FOLDER, name, names)
                 if bus
                 else MemoryTransport(name, ends, now_s)
             )

@@ -155,7 +155,7 @@ class Config(Extended):
                 yield f"{key} = {height_m:g}: allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
 
 
-def json_schema() -> dict[str, Any]:
+def vehicle_schema() -> dict[str, Any]:
     """Return the JSON schema of vehicle files, with the sections of all installed packages."""
     installed = tuple(sorted(SECTIONS.importable()))
     model = create_model("Config", __base__=(_sections_from_outside(installed), Config))

@@ -9,12 +9,12 @@ from operator import attrgetter
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from guidance.frames import Amsl, Enu
 from guidance.game import Ball, Extent, Game, SpeedSet
-from guidance.game.arrays import Real
-from guidance.game.game import STILL
+from guidance.game.arrays import FloatArray, Real
+from guidance.game.game import NO_WIND
 from guidance.game.rules import Rules, game_by
 from guidance.sim.scenario import (
     EVADER,
@@ -26,8 +26,6 @@ from guidance.sim.scenario import (
 )
 from guidance.sim.sensor import PERFECT, Noise
 from guidance.strategies import Strategy, circle, random_turns, recorded, waypoints
-
-Array = NDArray[np.float64]
 
 _STREAMS: Final = {PURSUER: 1, EVADER: 2}
 """Random streams of the players. They differ, so both players turn independently with one seed."""
@@ -58,14 +56,14 @@ class Batch(NamedTuple):
 
     kind: Scenario
     game: Game
-    pursuer_m: Array
-    evader_m: Array
+    pursuer_m: FloatArray
+    evader_m: FloatArray
     believed_m_s: Real
-    target_m: Array | None
+    target_m: FloatArray | None
     lowest_m: Real
     highest_m: Real
     fence_m: Real
-    home_m: Array
+    home_m: FloatArray
     limit_s: Real
     noise: Noise
     pursuer: Strategy
@@ -128,7 +126,7 @@ def by_kind(
     return [results[index] for index in range(len(games))]
 
 
-def rules_of(scenarios: Sequence[Scenario]) -> Rules:
+def true_rules(scenarios: Sequence[Scenario]) -> Rules:
     """Return the rules of scenarios of one kind, with the evaders' true speeds, as mathematics plays them."""
     kind = scenarios[0]
     pursuer = kind.pursuer
@@ -147,7 +145,7 @@ def rules_of(scenarios: Sequence[Scenario]) -> Rules:
         standoff_radius_m=column(scenarios, "standoff.radius_m"),
         standoff_height_m=heights_m,
         wind_m_s=(wind_east_m_s, wind_north_m_s),
-        target_velocity_m_s=STILL,
+        target_velocity_m_s=NO_WIND,
         target_extent=target_extent(kind),
     )
 
@@ -171,7 +169,7 @@ def column(scenarios: Sequence[Scenario], key: str, axis: int | None = None) -> 
 def stack(scenarios: Sequence[Scenario]) -> Batch:
     """Stack scenarios of one kind."""
     kind = scenarios[0]
-    rules = rules_of(scenarios)
+    rules = true_rules(scenarios)
     ground_m = column(scenarios, "evader.height_m")
     P = np.array([scenario.pursuer.position_m for scenario in scenarios])
     P[:, 2] -= ground_m
@@ -228,7 +226,7 @@ def site(scenario: Scenario) -> tuple[float, float, Amsl]:
 
 
 def strategy_of(
-    scenario: Scenario, name: str, start_m: Array, speeds: SpeedSet, seed: ArrayLike
+    scenario: Scenario, name: str, start_m: FloatArray, speeds: SpeedSet, seed: ArrayLike
 ) -> Strategy:
     """Return the strategy of a player.
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,12 +12,15 @@ from guidance.frames import STILL, Enu, GameFrame, ned_from_game
 from guidance.game import Ball
 from guidance.links.port import VehicleLink
 from guidance.messages import Heartbeat, Home, LocalPosition, Origin, Setpoint
-from guidance.sim.batch import Array, game, site, strategy_of, target_game_m
+from guidance.sim.batch import game, site, strategy_of, target_game_m
 from guidance.sim.scenario import EVADER, Scenario
 from guidance.strategies import StrategyMemory, evade
 from guidance.vehicle import VehicleState, local_frame, observe
 
-REPEAT_S = 1.0
+if TYPE_CHECKING:
+    from guidance.game.arrays import FloatArray
+
+_REPEAT_S = 1.0
 
 
 class EvaderPilot:
@@ -41,8 +45,8 @@ class EvaderPilot:
         speeds = Ball(scenario.evader.speed_m_s)
         self._strategy = strategy_of(scenario, EVADER, start_m, speeds, scenario.seed)
         self._began_s = math.inf
-        self._seen: tuple[float, Array] = (-math.inf, np.zeros(3))
-        self._last_m_s: Array = np.zeros(3)
+        self._seen: tuple[float, FloatArray] = (-math.inf, np.zeros(3))
+        self._last_m_s: FloatArray = np.zeros(3)
         self._requested_s = -math.inf
         self._stood_s = -math.inf
         self.vehicle = VehicleState()
@@ -75,7 +79,7 @@ class EvaderPilot:
         )
         self.ready = guided and position is not None
         if not guided or position is None:
-            if now_s - self._requested_s >= REPEAT_S:
+            if now_s - self._requested_s >= _REPEAT_S:
                 self._requested_s = now_s
                 requests = map(ROVER.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN))
                 for request in (
@@ -94,7 +98,7 @@ class EvaderPilot:
             self._seen = (now_s, P)
             passed_s = now_s - seen_s
             seen_m_s = np.zeros(3)
-            if 0.0 < passed_s < REPEAT_S:
+            if 0.0 < passed_s < _REPEAT_S:
                 seen_m_s = (P - seen_m) / passed_s
             memory = StrategyMemory(seen_m_s, now_s - self._began_s)
             asked_m_s = evade(
@@ -111,7 +115,7 @@ class EvaderPilot:
             x, y, _ = self._last_m_s.tolist()
             self.link.send_setpoint(Setpoint(ned_from_game(Enu((x, y, 0.0)))))
             self._stood_s = -math.inf
-        elif now_s - self._stood_s >= REPEAT_S:
+        elif now_s - self._stood_s >= _REPEAT_S:
             self._stood_s = now_s
             self.link.send_setpoint(Setpoint(STILL))
 

@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 from guidance.flight import Event, State
 from guidance.flight.settings import LIMITS_S
 from guidance.game import Game, Solution, Winner, solve
-from guidance.game.arrays import NUMPY, Real, components, pair_length
+from guidance.game.arrays import NUMPY, FloatArray, Real, components, pair_length
 from guidance.game.pe import to_target
 from guidance.game.records import rows_of
 from guidance.game.rollout import NANOSECOND_S, Ahead, End, look_ahead
 from guidance.game.team.rollout import HELD
-from guidance.sim.batch import Array, Batch, by_kind, kind_of, stack
+from guidance.sim.batch import Batch, by_kind, kind_of, stack
 from guidance.sim.outcome import Outcome, distances_of, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.sensor import (
     PERFECT,
-    TIMEOUT_S,
+    REPORT_TIMEOUT_S,
     Received,
     extrapolated,
     first_knowledge,
@@ -67,7 +67,7 @@ _EVENTS = (
 )
 
 
-Slope: TypeAlias = tuple[Array, ...]
+Slope: TypeAlias = tuple[FloatArray, ...]
 """Rates of change, (n, 3) each: velocities of both players, and the rate of turn of a pursuer that navigates."""
 
 
@@ -95,17 +95,17 @@ class BatchMoment(NamedTuple):
     """
 
     row: NDArray[np.intp]
-    now_s: Array
-    pursuer_m: Array
-    evader_m: Array
-    flown_m_s: Array
-    run_m_s: Array
-    step_s: Array
-    turning_rad_s: Array | None
+    now_s: FloatArray
+    pursuer_m: FloatArray
+    evader_m: FloatArray
+    flown_m_s: FloatArray
+    run_m_s: FloatArray
+    step_s: FloatArray
+    turning_rad_s: FloatArray | None
     received: Received | None
-    lost_s: Array
-    standoff_m: Array
-    altitude_m: Array
+    lost_s: FloatArray
+    standoff_m: FloatArray
+    altitude_m: FloatArray
     happened: NDArray[np.bool_]
     end: NDArray[np.int8]
 
@@ -172,7 +172,7 @@ def moment_of_engagement(batch: Batch) -> BatchMoment:
     )
 
 
-def _level(vector: Array) -> Array:
+def _level(vector: FloatArray) -> FloatArray:
     """Return the horizontal lengths, (n,), of vectors."""
     x = vector[:, 0]
     y = vector[:, 1]
@@ -251,7 +251,7 @@ def receive_due_reports(batch: Batch, moment: BatchMoment) -> NDArray[np.bool_]:
         return np.zeros(len(moment.row), dtype=bool)
     sensor = batch.kind.sensor
     receive_reports(sensor, batch.noise, knowledge, moment.now_s, moment.evader_m, moment.run_m_s)
-    return np.asarray(moment.now_s - knowledge.measured_s > TIMEOUT_S)
+    return np.asarray(moment.now_s - knowledge.measured_s > REPORT_TIMEOUT_S)
 
 
 def advance_held(
@@ -270,7 +270,7 @@ def advance_held(
     no_game = ~np.isfinite(v[:, 0])
     waiting = np.zeros(len(v), dtype=bool)
     if moment.received is not None:
-        waiting = moment.now_s - moment.received.measured_s > TIMEOUT_S
+        waiting = moment.now_s - moment.received.measured_s > REPORT_TIMEOUT_S
     stopped = no_game | waiting
     if stopped.any():
         v = np.where(stopped[:, None], 0.0, v)
@@ -295,8 +295,8 @@ def advance_held(
 
 
 def _step_s(
-    batch: Batch, moment: BatchMoment, ahead: Ahead, captured_s: Array, longest_s: Real
-) -> Array:
+    batch: Batch, moment: BatchMoment, ahead: Ahead, captured_s: FloatArray, longest_s: Real
+) -> FloatArray:
     """Return the next step, (n,): to the next end, change or event, at most `longest_s`; 0 of a finished game."""
     time_left_s = batch.limit_s - moment.now_s
     ends_s = time_left_s, captured_s, ahead.arrival_s, ahead.turn_s
@@ -308,7 +308,7 @@ def _step_s(
 def _moved(
     batch: Batch,
     moment: BatchMoment,
-    step_s: Array,
+    step_s: FloatArray,
     slope: Slope,
     troubles: tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]],
 ) -> BatchMoment:
@@ -339,7 +339,7 @@ def _moved(
 
 
 def _smooth_s(
-    batch: Batch, moment: BatchMoment, ahead: Ahead, slope: Slope, captured_s: Array
+    batch: Batch, moment: BatchMoment, ahead: Ahead, slope: Slope, captured_s: FloatArray
 ) -> Real:
     """Return how long a step may be, (n,): a share of the least time until the pursuer is beside the evader or at a
     limit, or the evader at its target. While both players fly straight on, the time to the capture itself counts.
@@ -366,8 +366,8 @@ def _smooth_s(
 
 
 def _limit_s(
-    batch: Batch, P: Array, v: Array, straight: NDArray[np.bool_], fastest_m_s: Real
-) -> Array:
+    batch: Batch, P: FloatArray, v: FloatArray, straight: NDArray[np.bool_], fastest_m_s: Real
+) -> FloatArray:
     """Return how long, (n,), until the pursuer may be at fence, floor or ceiling; at v if it flies straight on."""
     out_m, outwards_m_s = _stretched(P[:, :2] - batch.home_m, v)
     height_m = P[:, 2]
@@ -379,7 +379,7 @@ def _limit_s(
     return np.asarray(_zero_s(room_m, rate_m_s).min(axis=0))
 
 
-def _captured_s(batch: Batch, moment: BatchMoment, closing_m_s: Array) -> Array:
+def _captured_s(batch: Batch, moment: BatchMoment, closing_m_s: FloatArray) -> FloatArray:
     """Return a lower bound, (n,), of the time until straight tracks end in capture; exact as it goes to zero.
 
     The distance from the disc is a convex function of the relative position. Its tangent is below it, so a step of
@@ -395,7 +395,7 @@ def _captured_s(batch: Batch, moment: BatchMoment, closing_m_s: Array) -> Array:
     return np.asarray(np.max(times_s, axis=0))
 
 
-def _stretched(way_m: Array, rate_m_s: Array) -> tuple[Array, Array]:
+def _stretched(way_m: FloatArray, rate_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the horizontal lengths, (n,), of vectors that change at a rate, and the rate of change of the lengths."""
     length_m = _level(way_m)
     x_part = way_m[:, 0] * rate_m_s[:, 0]
@@ -404,13 +404,13 @@ def _stretched(way_m: Array, rate_m_s: Array) -> tuple[Array, Array]:
     return length_m, (x_part + y_part) / divisor_m
 
 
-def _zero_s(distance_m: Real, rate_m_s: Real) -> Array:
+def _zero_s(distance_m: Real, rate_m_s: Real) -> FloatArray:
     """Return when a distance is zero that changes at a constant rate; infinite if it does not shrink."""
     left_s = np.where(rate_m_s < 0.0, distance_m / -rate_m_s, np.inf)
     return np.where(distance_m <= 0.0, 0.0, left_s)
 
 
-def _mean_slope(batch: Batch, moment: BatchMoment, step_s: Array, first: Slope) -> Slope:
+def _mean_slope(batch: Batch, moment: BatchMoment, step_s: FloatArray, first: Slope) -> Slope:
     """Return the mean slope over a step by Runge-Kutta; a player on a course keeps its velocity."""
     slopes = [first]
     for share in (0.5, 0.5, 1.0):
@@ -426,7 +426,7 @@ def _mean_slope(batch: Batch, moment: BatchMoment, step_s: Array, first: Slope) 
 
 
 def _slope(
-    batch: Batch, moment: BatchMoment, P: Array, E: Array, first: Slope | None = None
+    batch: Batch, moment: BatchMoment, P: FloatArray, E: FloatArray, first: Slope | None = None
 ) -> Slope:
     """Return the players' velocities, and the turn; the pursuer sees the evader, or knows what it has received.
 
@@ -453,13 +453,15 @@ def _slope(
     return v, w, turn_rad_s
 
 
-def fled(batch: Batch, moment: BatchMoment, P: Array, E: Array) -> Array:
+def fled(batch: Batch, moment: BatchMoment, P: FloatArray, E: FloatArray) -> FloatArray:
     """Return the velocities, (n, 3), that the evaders' strategy asks for at positions (n, 3)."""
     memory = _memory(moment)
     return evade(batch.evader, batch.game, P, E, batch.target_m, memory, last_m_s=moment.run_m_s)
 
 
-def chased(batch: Batch, moment: BatchMoment, P: Array, E: Array, run_m_s: Array) -> Array:
+def chased(
+    batch: Batch, moment: BatchMoment, P: FloatArray, E: FloatArray, run_m_s: FloatArray
+) -> FloatArray:
     """Return the velocities, (n, 3), that the pursuers' strategy asks for at positions (n, 3).
 
     Args:
@@ -487,18 +489,18 @@ class View(NamedTuple):
     """What the pursuers know: the games that they play, and position and velocity of the evaders, (n, 3)."""
 
     game: Game
-    evader_m: Array
-    evader_m_s: Array
+    evader_m: FloatArray
+    evader_m_s: FloatArray
 
 
-def view_of(batch: Batch, moment: BatchMoment, E: Array, run_m_s: Array) -> View:
+def view_of(batch: Batch, moment: BatchMoment, E: FloatArray, run_m_s: FloatArray) -> View:
     """Return what the pursuers know of evaders at E that run; late and noisy where the scenario has a sensor."""
     if moment.received is not None:
         knowledge = moment.received
         known_m, bound_m_s, age_s = extrapolated(
             batch.noise, knowledge, batch.believed_m_s, moment.now_s
         )
-        information_age_s = np.minimum(age_s, TIMEOUT_S)
+        information_age_s = np.minimum(age_s, REPORT_TIMEOUT_S)
         aged = replace(batch.game, evader_speed_m_s=bound_m_s, information_age_s=information_age_s)
         return View(aged, known_m, knowledge.velocity_m_s)
     if batch.is_agreed:
@@ -511,7 +513,7 @@ def _memory(moment: BatchMoment) -> StrategyMemory:
     return StrategyMemory(moment.flown_m_s, moment.now_s, moment.turning_rad_s)
 
 
-def _changes_s(batch: Batch, moment: BatchMoment) -> Iterator[Array]:
+def _changes_s(batch: Batch, moment: BatchMoment) -> Iterator[FloatArray]:
     """Yield the times, (n,), until a course turns and until a report is measured or arrives."""
     for strategy in (batch.pursuer, batch.evader):
         if strategy.course is not None:
@@ -520,7 +522,7 @@ def _changes_s(batch: Batch, moment: BatchMoment) -> Iterator[Array]:
         yield next_event_s(batch.kind.sensor, moment.received) - moment.now_s
 
 
-def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_]]]:
+def _held_back(batch: Batch, P: FloatArray) -> tuple[FloatArray, Sequence[NDArray[np.bool_]]]:
     """Return the pursuer's position inside fence, floor and ceiling, and for each whether it had left it, (n,)."""
     away_m = P[:, :2] - batch.home_m
     out = _level(away_m)

@@ -19,7 +19,7 @@ from guidance.sim.scenario import EVADER, PURSUER, Scenario, TrackRow
 from guidance.sim.teams import TeamScenario
 from guidance.toml_files import read
 
-FOLDER = "scenarios"
+SCENARIO_FOLDER = "scenarios"
 
 _COURSE_KEYS: Final = ("waypoints_m", "track")
 """Keys of a player that only its own policy may have."""
@@ -48,7 +48,7 @@ def load_any(name: str, seed: int | None = None) -> tuple[Path, Scenario | TeamS
     Raises:
         ConfigError: If there is none, or a key is wrong.
     """
-    path = find(name, FOLDER)
+    path = find(name, SCENARIO_FOLDER)
     text, document = load_document(path)
     if seed is None:
         document |= {}
@@ -101,7 +101,7 @@ def load_document(path: Path) -> tuple[str, dict[str, Any]]:
     return text, document
 
 
-def json_schema() -> dict[str, Any]:
+def scenario_schema() -> dict[str, Any]:
     """Return the JSON Schema of a scenario file, for editors that complete and check TOML by it."""
     schema = TypeAdapter(Scenario | TeamScenario).json_schema(mode="validation")
     for section in ("Pursuer", "Evader"):

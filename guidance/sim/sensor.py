@@ -14,20 +14,18 @@ from numpy.typing import NDArray
 
 from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Ned
-from guidance.game.arrays import Real
+from guidance.game.arrays import FloatArray, Real
 from guidance.links.port import EvaderSource
 from guidance.messages import EvaderReport, Timesync
 from guidance.sim.scenario import Sensor
 from guidance.strategies import normal, uniform
-
-Array = NDArray[np.float64]
 
 PERFECT: Final = Sensor()
 
 FASTEST_HZ: Final = 50.0
 """Rate if none is given: one report per cycle."""
 
-TIMEOUT_S: Final = 1.5
+REPORT_TIMEOUT_S: Final = 1.5
 """A flight waits for the evader, as lost, if the last report is older."""
 
 DROPOUT_STREAM: Final = 11
@@ -59,19 +57,19 @@ class Received(NamedTuple):
         on_the_way: Ring of reports by number, (n, d, 6): position and velocity.
     """
 
-    position_m: Array
-    velocity_m_s: Array
-    measured_s: Array
+    position_m: FloatArray
+    velocity_m_s: FloatArray
+    measured_s: FloatArray
     measurements: NDArray[np.int64]
     arrivals: NDArray[np.int64]
-    on_the_way: Array
+    on_the_way: FloatArray
 
 
 def _rate_hz(sensor: Sensor) -> float:
     return FASTEST_HZ if sensor.rate_hz is None else sensor.rate_hz
 
 
-def first_knowledge(sensor: Sensor, evader_m: Array) -> Received:
+def first_knowledge(sensor: Sensor, evader_m: FloatArray) -> Received:
     """Return the knowledge at the begin: the evader stands at `evader_m`, (n, 3)."""
     count = len(evader_m)
     none = np.zeros(count, dtype=np.int64)
@@ -82,7 +80,7 @@ def first_knowledge(sensor: Sensor, evader_m: Array) -> Received:
     )
 
 
-def next_event_s(sensor: Sensor, knowledge: Received) -> Array:
+def next_event_s(sensor: Sensor, knowledge: Received) -> FloatArray:
     """Return the times, (n,), of the next measurement or arrival."""
     period_s = 1.0 / _rate_hz(sensor)
     return np.asarray(
@@ -93,7 +91,12 @@ def next_event_s(sensor: Sensor, knowledge: Received) -> Array:
 
 
 def receive_reports(
-    sensor: Sensor, noise: Noise, knowledge: Received, now_s: Array, evader_m: Array, run_m_s: Array
+    sensor: Sensor,
+    noise: Noise,
+    knowledge: Received,
+    now_s: FloatArray,
+    evader_m: FloatArray,
+    run_m_s: FloatArray,
 ) -> None:
     """Make the measurements and receive the reports that are due; call it once in a period at least.
 
@@ -134,8 +137,8 @@ def receive_reports(
 
 
 def extrapolated(
-    noise: Noise, knowledge: Received, declared_m_s: Real, now_s: Array
-) -> tuple[Array, Real, Array]:
+    noise: Noise, knowledge: Received, declared_m_s: Real, now_s: FloatArray
+) -> tuple[FloatArray, Real, FloatArray]:
     """Extrapolate the last report to the present: return the evader's position, speed bound, and the report's age.
 
     Args:

@@ -16,12 +16,12 @@ from guidance.config import Section
 from guidance.flight.settings import TeamSection
 from guidance.frames import Enu
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Game
-from guidance.game.arrays import Real
-from guidance.game.game import STILL
+from guidance.game.arrays import FloatArray, Real
+from guidance.game.game import NO_WIND
 from guidance.game.rules import Rules, game_by
 from guidance.game.team import TEAM_RULES, Matching, TeamRollout, match_teams, rollout_teams
 from guidance.game.team.rollout import CAPTURES, held_m
-from guidance.sim.batch import Array, by_kind, target_extent
+from guidance.sim.batch import by_kind, target_extent
 from guidance.sim.expect import Range, Ranges
 from guidance.sim.outcome import achieved_value, winner_name
 from guidance.sim.scenario import (
@@ -41,8 +41,8 @@ from guidance.strategies.own import as_one_text, is_own, policy_schema
 PURSUER_PLAYS = (*PURSUER_POLICIES, CAPTURES, *TEAM_RULES)
 """What pursuers of a team may play by name: policies against matched evaders, the play for captures, and rules."""
 
-PursuerPolicy = Annotated[str, BeforeValidator(as_one_text), policy_schema(PURSUER_PLAYS)]
-EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})]
+_TeamPursuerPolicy = Annotated[str, BeforeValidator(as_one_text), policy_schema(PURSUER_PLAYS)]
+_TeamEvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})]
 GroundedHeight = Annotated[float, Field(ge=0.0)]
 
 
@@ -63,7 +63,7 @@ class PlayerGroup(Section):
 class PursuerGroup(PlayerGroup):
     """Pursuers in space."""
 
-    policy: PursuerPolicy = Field(
+    policy: _TeamPursuerPolicy = Field(
         "optimal", description="strategy of the players; `captures` gives up distance for captures"
     )
     position_m: tuple[float, float, GroundedHeight] = Field(
@@ -74,7 +74,7 @@ class PursuerGroup(PlayerGroup):
 class EvaderGroup(PlayerGroup):
     """Evaders in the plane."""
 
-    policy: EvaderPolicy = Field("optimal", description="strategy of the players")
+    policy: _TeamEvaderPolicy = Field("optimal", description="strategy of the players")
     position_m: Point2 = Field(description="initial position: x east, y north")
 
 
@@ -145,11 +145,11 @@ class Teams(NamedTuple):
         evader_policy: of each.
     """
 
-    pursuers_m: Array
-    evaders_m: Array
-    pursuer_speed_m_s: Array
-    evader_speed_m_s: Array
-    target_m: Array | None
+    pursuers_m: FloatArray
+    evaders_m: FloatArray
+    pursuer_speed_m_s: FloatArray
+    evader_speed_m_s: FloatArray
+    target_m: FloatArray | None
     pursuer_policy: tuple[str, ...]
     evader_policy: tuple[str, ...]
 
@@ -204,8 +204,8 @@ def game_of(scenario: TeamScenario, pursuer_speed_m_s: Real, evader_speed_m_s: R
         capture_radius_m=0.0,
         standoff_radius_m=0.0,
         standoff_height_m=0.0,
-        wind_m_s=STILL,
-        target_velocity_m_s=STILL,
+        wind_m_s=NO_WIND,
+        target_velocity_m_s=NO_WIND,
         target_extent=target_extent(scenario),
     )
     return game_by(rules)

@@ -14,10 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from guidance.game.arrays import FloatArray
 from guidance.game.records import rows_of
 from guidance.game.speed_sets import SpeedSet
-
-Array = NDArray[np.float64]
 
 COURSES: Final = ("waypoints", "random_turns", "circle", "recorded")
 """Strategies that follow a course: they depend on the time and not on the other player."""
@@ -42,10 +41,10 @@ class Course:
         places_m: Game frame, (..., k, 3).
     """
 
-    times_s: Array
-    places_m: Array
+    times_s: FloatArray
+    places_m: FloatArray
 
-    def velocity_m_s(self, played_s: ArrayLike, position_m: Array) -> Array:
+    def velocity_m_s(self, played_s: ArrayLike, position_m: FloatArray) -> FloatArray:
         """Return the velocity (..., 3) that follows the course, and returns to it, from a position (..., 3)."""
         t = np.asarray(played_s, dtype=np.float64)
         passed = np.sum(self.times_s <= t[..., None], axis=-1) - 1
@@ -61,7 +60,7 @@ class Course:
         back_m_s = (place_m - position_m) / _BACK_S
         return np.asarray(along_m_s + back_m_s)
 
-    def _ends_of(self, leg: Array) -> tuple[Array, Array, Array, Array]:
+    def _ends_of(self, leg: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the first and last time, (...), and the first and last place, (..., 3), of legs (...)."""
         corners = (*leg.shape, self.times_s.shape[-1])
         ends = np.stack([leg, leg + 1], axis=-1)
@@ -71,14 +70,14 @@ class Course:
         places_m = np.take_along_axis(all_places_m, ends[..., None], -2)
         return times_s[..., 0], times_s[..., 1], places_m[..., 0, :], places_m[..., 1, :]
 
-    def corner_s(self, played_s: ArrayLike) -> Array:
+    def corner_s(self, played_s: ArrayLike) -> FloatArray:
         """Return the time, (...), at which the velocity changes next; infinite after the last time."""
         t = np.asarray(played_s, dtype=np.float64)[..., None]
         coming_s = np.where(self.times_s > t, self.times_s, np.inf)
         return np.asarray(np.min(coming_s, axis=-1))
 
 
-def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
+def waypoints(start_m: FloatArray, points_m: ArrayLike, speeds: SpeedSet) -> Course:
     """Go from a start (..., 3) through points (k, 3) as fast as the speeds (...) allow, and stay at the last."""
     points = np.asarray(points_m, dtype=np.float64)
     points_of_rows = np.broadcast_to(points, (*start_m.shape[:-1], *points.shape))
@@ -95,7 +94,7 @@ def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
 
 
 def random_turns(
-    start_m: Array,
+    start_m: FloatArray,
     speed_m_s: ArrayLike,
     seed: ArrayLike,
     *,
@@ -135,7 +134,9 @@ def random_turns(
     )
 
 
-def circle(start_m: Array, speed_m_s: ArrayLike, *, radius_m: float, duration_s: float) -> Course:
+def circle(
+    start_m: FloatArray, speed_m_s: ArrayLike, *, radius_m: float, duration_s: float
+) -> Course:
     """Go round a circle in the plane of a start (..., 3), north first and then to the east, m and m/s.
 
     The course is a polygon with a corner every `_ARC_S`.
@@ -155,7 +156,7 @@ def circle(start_m: Array, speed_m_s: ArrayLike, *, radius_m: float, duration_s:
     return _course_of_table(times_s, start_m[..., None, :] + ways_m)
 
 
-def recorded(start_m: Array, track: Sequence[Sequence[float]]) -> Course:
+def recorded(start_m: FloatArray, track: Sequence[Sequence[float]]) -> Course:
     """Go along a recorded track, rows of (time s, x, y, z m), moved so that it begins at a start (..., 3) at time 0."""
     table = np.asarray(track, dtype=np.float64)
     from_first = table - table[0]
@@ -163,12 +164,12 @@ def recorded(start_m: Array, track: Sequence[Sequence[float]]) -> Course:
     return _course_of_table(from_first[:, 0], places)
 
 
-def _course_of_table(times_s: Array, places_m: Array) -> Course:
+def _course_of_table(times_s: FloatArray, places_m: FloatArray) -> Course:
     """Return the course with the same times (k,) in every row of places (..., k, 3)."""
     return Course(np.broadcast_to(times_s, places_m.shape[:-1]), places_m)
 
 
-def uniform(seed: ArrayLike, stream: int, index: ArrayLike) -> Array:
+def uniform(seed: ArrayLike, stream: int, index: ArrayLike) -> FloatArray:
     """Draw from [0, 1).
 
     Args:
@@ -185,7 +186,7 @@ def uniform(seed: ArrayLike, stream: int, index: ArrayLike) -> Array:
     return leading_bits.astype(np.float64) * 2.0**-53
 
 
-def normal(seed: ArrayLike, stream: int, index: ArrayLike) -> Array:
+def normal(seed: ArrayLike, stream: int, index: ArrayLike) -> FloatArray:
     """Draw from the standard normal distribution (Box & Muller); arguments as of `uniform`."""
     k = 2 * np.asarray(index, dtype=np.int64)
     first = uniform(seed, stream, k)

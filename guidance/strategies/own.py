@@ -41,17 +41,14 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import WithJsonSchema
 
 from guidance.errors import ConfigError
 from guidance.game import Game
-from guidance.game.arrays import Real
+from guidance.game.arrays import FloatArray, Real
 from guidance.game.speed_sets import bounded
 
-Array = NDArray[np.float64]
-
-Choose: TypeAlias = Callable[[Array], Any]
+Choose: TypeAlias = Callable[[FloatArray], Any]
 """A policy: observations (n, k) to actions (n, a)."""
 
 PURSUER_COLUMNS: Final = 8
@@ -79,7 +76,7 @@ _LOADED: Final[dict[str, Choose]] = {}
 Answer: TypeAlias = tuple[float, ...] | str
 """A policy's action in one state, or why it has none."""
 
-Ask: TypeAlias = Callable[[Array], Answer]
+Ask: TypeAlias = Callable[[FloatArray], Answer]
 """Asks a policy in flight: an observation (1, k) to its answer. It may also refuse because the policy is too slow."""
 
 
@@ -222,7 +219,7 @@ def _run_file(path: Path) -> Any:  # noqa: ANN401 - a module has no type of its 
     return module
 
 
-def require_fit(name: str, observation: Array, shares: int) -> None:
+def require_fit(name: str, observation: FloatArray, shares: int) -> None:
     """Load a policy and ask it once, before anything is played.
 
     Args:
@@ -249,7 +246,7 @@ def require_fit(name: str, observation: Array, shares: int) -> None:
         raise ConfigError(f"policy = {name!r}: it answers {action[0].tolist()}; must be finite")
 
 
-def answer_of(name: str, choose: Choose, observation: Array) -> Answer:
+def answer_of(name: str, choose: Choose, observation: FloatArray) -> Answer:
     """Ask a policy of the pursuer in one state, (1, k); never raises what the policy raises.
 
     A number that is not finite is NaN, as in the record, so that a replay fails with the same words.
@@ -264,12 +261,12 @@ def answer_of(name: str, choose: Choose, observation: Array) -> Answer:
 
 def observe_pursuit(
     game: Game,
-    pursuer_m: Array,
-    evader_m: Array,
-    evader_m_s: Array,
-    last_m_s: Array,
-    target_m: Array | None,
-) -> Array:
+    pursuer_m: FloatArray,
+    evader_m: FloatArray,
+    evader_m_s: FloatArray,
+    last_m_s: FloatArray,
+    target_m: FloatArray | None,
+) -> FloatArray:
     """Return the pursuer's observations, (n, 8), or (n, 10) with a target.
 
     Args:
@@ -292,12 +289,12 @@ def observe_pursuit(
 
 def observe_evasion(
     game: Game,
-    pursuer_m: Array,
-    evader_m: Array,
-    pursuer_m_s: Array,
-    last_m_s: Array,
-    target_m: Array | None,
-) -> Array:
+    pursuer_m: FloatArray,
+    evader_m: FloatArray,
+    pursuer_m_s: FloatArray,
+    last_m_s: FloatArray,
+    target_m: FloatArray | None,
+) -> FloatArray:
     """Return the evader's observations, (n, 8), or (n, 10) with a target; arguments as of `observe_pursuit`."""
     observations = _blank(len(pursuer_m), target_m)
     _fill(observations, 0, pursuer_m - evader_m)
@@ -309,23 +306,23 @@ def observe_evasion(
     return observations
 
 
-def _blank(rows: int, target_m: Array | None) -> Array:
+def _blank(rows: int, target_m: FloatArray | None) -> FloatArray:
     columns = PURSUER_COLUMNS + (0 if target_m is None else TARGET_COLUMNS)
     return np.empty((rows, columns))
 
 
-def _fill(observations: Array, first: int, columns: Array) -> None:
+def _fill(observations: FloatArray, first: int, columns: FloatArray) -> None:
     """Write columns (n, k) into observations. One by one, because NumPy takes six times as long for short rows."""
     for number in range(columns.shape[1]):
         observations[:, first + number] = columns[:, number]
 
 
-def shares_of(action: Array) -> Array:
+def shares_of(action: FloatArray) -> FloatArray:
     """Return the shares of an action, small enough to be squared; NaN stays NaN."""
     return np.clip(np.asarray(action, dtype=np.float64), -LARGEST_SHARE, LARGEST_SHARE)
 
 
-def pursuer_velocity(game: Game, action: Array) -> Array:
+def pursuer_velocity(game: Game, action: FloatArray) -> FloatArray:
     """Return the velocity over the ground, (n, 3), m/s, of a pursuer's action (n, 3); NaN stays NaN."""
     speeds = game.pursuer
     level_m_s = _speed_rows(speeds.horizontal_m_s)
@@ -340,7 +337,7 @@ def pursuer_velocity(game: Game, action: Array) -> Array:
     return velocity
 
 
-def evader_velocity(game: Game, action: Array) -> Array:
+def evader_velocity(game: Game, action: FloatArray) -> FloatArray:
     """Return the velocity, (n, 3), m/s, of an evader's action (n, 2)."""
     velocity = np.zeros((len(action), 3))
     speed_m_s = _speed_rows(game.evader_speed_m_s)
@@ -348,19 +345,19 @@ def evader_velocity(game: Game, action: Array) -> Array:
     return bounded(velocity, speed_m_s)
 
 
-def _speed_rows(speed_m_s: Real) -> Array:
+def _speed_rows(speed_m_s: Real) -> FloatArray:
     return np.atleast_1d(np.asarray(speed_m_s, dtype=np.float64))
 
 
 def asked_pursuit(
     name: str,
     game: Game,
-    pursuer_m: Array,
-    evader_m: Array,
-    target_m: Array | None,
-    evader_m_s: Array,
-    last_m_s: Array | None,
-) -> Array:
+    pursuer_m: FloatArray,
+    evader_m: FloatArray,
+    target_m: FloatArray | None,
+    evader_m_s: FloatArray,
+    last_m_s: FloatArray | None,
+) -> FloatArray:
     """Return the velocities, (n, 3), m/s, that a user's policy asks for; NaN where it has no answer."""
     last = np.zeros_like(pursuer_m) if last_m_s is None else last_m_s
     observation = observe_pursuit(game, pursuer_m, evader_m, evader_m_s, last, target_m)
@@ -376,12 +373,12 @@ def asked_pursuit(
 def asked_evasion(
     name: str,
     game: Game,
-    pursuer_m: Array,
-    evader_m: Array,
-    target_m: Array | None,
-    pursuer_m_s: Array | None,
-    last_m_s: Array | None,
-) -> Array:
+    pursuer_m: FloatArray,
+    evader_m: FloatArray,
+    target_m: FloatArray | None,
+    pursuer_m_s: FloatArray | None,
+    last_m_s: FloatArray | None,
+) -> FloatArray:
     """Return the velocities, (..., 3), m/s, that a user's policy asks for; NaN where it has no answer."""
     if evader_m.ndim == 1:  # one state, in flight
         velocity_m_s = None if pursuer_m_s is None else pursuer_m_s[None]
@@ -402,7 +399,7 @@ def asked_evasion(
     return velocity
 
 
-def action_of(name: str, choose: Choose, observation: Array, shares: int) -> Array:
+def action_of(name: str, choose: Choose, observation: FloatArray, shares: int) -> FloatArray:
     """Ask a policy; its answer may have rows that are not finite.
 
     Args:

@@ -20,10 +20,10 @@ from pydantic import Field, ValidationError
 from scipy import stats
 
 from guidance.config import Section
+from guidance.game.arrays import FloatArray
 from guidance.strategies import uniform
 
 Integers = NDArray[np.int64]
-Array = NDArray[np.float64]
 Two = tuple[float, float]
 
 _NAME: Final = r"[a-z_][a-z0-9_]*(\[\d+\])*"
@@ -134,7 +134,7 @@ class Distribution(Section):
             return [float(self.law.median())]
         return [float(end) for end in self.law.support()]
 
-    def draw(self, first: Array, second: Array) -> list[Any]:
+    def draw(self, first: FloatArray, second: FloatArray) -> list[Any]:
         """Make a value for each seed from two random numbers for each, from 0 to 1."""
         if self.radii_m:
             (inner, outer) = self.radii_m

@@ -15,17 +15,17 @@ from scipy import stats
 
 from guidance.errors import ConfigError
 from guidance.files import text_of
+from guidance.game.arrays import FloatArray
 from guidance.log.codec import plain
 from guidance.log.entries import OUTCOME
-from guidance.screen import as_table, console
+from guidance.screen import console, text_table
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import WIND_WORDS
-from guidance.sweeps.axes import Array
 from guidance.sweeps.folder import (
     CAPTURED,
     END,
     PAIR,
-    POINT,
+    POINT_NUMBER,
     SEED,
     Columns,
     Folder,
@@ -33,7 +33,7 @@ from guidance.sweeps.folder import (
 )
 from guidance.sweeps.plan import ROW, Plan
 
-CONFIDENCE: Final = 0.95
+_CONFIDENCE: Final = 0.95
 COLUMNS: Final = tuple(name for name, kind in Outcome.__annotations__.items() if kind is float)
 """Columns whose means are compared."""
 
@@ -53,16 +53,16 @@ def success_share(successes: int, of: int) -> Interval:
     """Return a probability with Wilson's interval."""
     if of == 0:
         return Interval()
-    low, high = stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson")
+    low, high = stats.binomtest(successes, of).proportion_ci(_CONFIDENCE, method="wilson")
     return Interval(successes / of, low, high)
 
 
-def finite_numbers(numbers: Array) -> Array:
+def finite_numbers(numbers: FloatArray) -> FloatArray:
     """Return the numbers that are known."""
     return numbers[np.isfinite(numbers)]
 
 
-def mean(numbers: Array) -> Interval:
+def mean(numbers: FloatArray) -> Interval:
     """Return the mean of the known numbers with Student's t interval."""
     numbers = finite_numbers(numbers)
     count = numbers.size
@@ -71,7 +71,7 @@ def mean(numbers: Array) -> Interval:
     return _interval(average, error, count - 1)
 
 
-def difference_of_means(a: Array, b: Array) -> Interval:
+def difference_of_means(a: FloatArray, b: FloatArray) -> Interval:
     """Return mean b − mean a of the known numbers of independent samples with Welch's t interval."""
     a = finite_numbers(a)
     b = finite_numbers(b)
@@ -94,7 +94,7 @@ def difference_of_means(a: Array, b: Array) -> Interval:
 def _interval(estimate: float, error: float, freedom: float) -> Interval:
     half = math.nan
     if freedom > 0:
-        quantile = float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, freedom))
+        quantile = float(stats.t.ppf(0.5 + _CONFIDENCE / 2.0, freedom))
         half = error * quantile
     return Interval(estimate, estimate - half, estimate + half)
 
@@ -131,8 +131,8 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
         second = _selected(rows_b, rows_b[PAIR] == number_b)
         if paired:
             # Rows whose grid point and seed occur in both, in order.
-            cases_a = np.rec.fromarrays([first[POINT], first[SEED]])
-            cases_b = np.rec.fromarrays([second[POINT], second[SEED]])
+            cases_a = np.rec.fromarrays([first[POINT_NUMBER], first[SEED]])
+            cases_b = np.rec.fromarrays([second[POINT_NUMBER], second[SEED]])
             _, indices_a, indices_b = np.intersect1d(
                 cases_a, cases_b, assume_unique=True, return_indices=True
             )
@@ -380,8 +380,8 @@ def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
     rows = [tuple(map(cell, row)) for row in _valued(compared)]
     numbers = [row for row in rows if row[3] != "-"]
     texts = [row[:3] for row in rows if row[3] == "-"]
-    yield as_table(("column", "A", "B", "B − A"), numbers)
-    yield as_table(("column", "A", "B"), texts, left=range(3), title=" ")
+    yield text_table(("column", "A", "B", "B − A"), numbers)
+    yield text_table(("column", "A", "B"), texts, left=range(3), title=" ")
 
 
 def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
@@ -396,7 +396,7 @@ def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
         rows = []
         for name, a, b, difference in _valued(group["columns"]):
             rows.append((name, cell(a, 4), cell(b, 4), spread(difference)))
-        yield as_table(("mean of", "A", "B", "B − A (95 %)"), rows)
+        yield text_table(("mean of", "A", "B", "B − A (95 %)"), rows)
     largest = compared["largest"]
     if largest:
         column = largest[0]["column"]
@@ -407,7 +407,7 @@ def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
             ends = _both(row, "end_")
             values = [cell(row[key]) for key in ("a", "b", "difference")]
             cells.append((numbers, ends, *values))
-        yield as_table(("row", "end", "A", "B", "B − A"), cells, left=(0, 1))
+        yield text_table(("row", "end", "A", "B", "B − A"), cells, left=(0, 1))
 
 
 def _both(values: Mapping[str, Any], prefix: str) -> str:

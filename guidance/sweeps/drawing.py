@@ -9,7 +9,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from guidance.sweeps.axes import Array, Integers
+from guidance.game.arrays import FloatArray
+from guidance.sweeps.axes import Integers
 from guidance.viz.figures import figure_of, legend_below, save_twice
 
 _STYLES: Final = (
@@ -81,7 +82,7 @@ class Key(NamedTuple):
 
 
 def draw_all(
-    report: Mapping[str, Any], keys: Sequence[Key], regrets: Sequence[Array], out: Path
+    report: Mapping[str, Any], keys: Sequence[Key], regrets: Sequence[FloatArray], out: Path
 ) -> list[Path]:
     """Draw all pictures as PNG and PDF; return their paths.
 
@@ -158,7 +159,7 @@ def _legend(figure: Figure, axes: Any) -> None:  # noqa: ANN401 - Matplotlib has
     legend_below(figure, *axes.ravel(), columns=3, title="pursuer")
 
 
-def _regret(report: Mapping[str, Any], regrets: Sequence[Array]) -> Figure | None:
+def _regret(report: Mapping[str, Any], regrets: Sequence[FloatArray]) -> Figure | None:
     """Draw the share of games with at most a given regret; one panel for each evader."""
     regrets = [numbers for numbers in regrets if numbers.size]
     played_pairs = [pair for pair in report["policies"] if pair["regret_games"]]
@@ -183,7 +184,7 @@ def _regret(report: Mapping[str, Any], regrets: Sequence[Array]) -> Figure | Non
 
 def _draw_regrets(
     panel: Any,  # noqa: ANN401 - Matplotlib has no types for it
-    of_pursuers: Sequence[tuple[str, Array]],
+    of_pursuers: Sequence[tuple[str, FloatArray]],
     styles: Mapping[str, Mapping[str, Any]],
 ) -> None:
     """Draw the regrets of each pursuer's policy."""

@@ -27,13 +27,13 @@ from guidance.sweeps.plan import ROW, Plan, plan_of_manifest
 from guidance.sweeps.rows import DETERMINING, refuse_without_games
 
 MANIFEST: Final = "sweep.json"
-ROWS: Final = "rows"
+ROWS_FOLDER: Final = "rows"
 """Folder of the Parquet files only, so that other tools can read it as one table."""
 
 END: Final = "end"
 CAPTURED: Final = "captured"
 PAIR = "pair"
-POINT = "point"
+POINT_NUMBER = "point"
 SEED = "case_seed"
 """Columns that `Folder.columns` adds: number of the pair of policies, of the grid point, and the seed.
 
@@ -84,7 +84,7 @@ class Folder:
     def part(self, chunk: int) -> Path:
         """Return the path of a chunk's file."""
         name = f"part-{chunk:06d}.parquet"
-        return self.path / ROWS / name
+        return self.path / ROWS_FOLDER / name
 
     def rows(self, chunk: int) -> range:
         """Return the numbers of a chunk's rows."""
@@ -128,16 +128,16 @@ class Folder:
     @property
     def parts(self) -> list[Path]:
         """The existing files, in the order of their rows."""
-        return sorted((self.path / ROWS).glob("part-*.parquet"))
+        return sorted((self.path / ROWS_FOLDER).glob("part-*.parquet"))
 
     def columns(self, names: Sequence[str]) -> Columns:
-        """Read `ROW`, `END` and other columns of all rows, and add `PAIR`, `POINT`, `SEED` and `CAPTURED`."""
+        """Read `ROW`, `END` and other columns of all rows, and add `PAIR`, `POINT_NUMBER`, `SEED` and `CAPTURED`."""
         table = parquet.read_table(self.parts, columns=[ROW, END, *names])
         read = {name: table[name].to_numpy() for name in table.column_names}
         pair, point, seed = self.plan.places(read[ROW])
         end = read[END]
         read[PAIR] = pair
-        read[POINT] = point
+        read[POINT_NUMBER] = point
         read[SEED] = seed
         read[CAPTURED] = np.where(end == "invalid", math.nan, end == CAPTURED)
         return read
@@ -162,11 +162,11 @@ def begin_or_continue(path: Path, plan: Plan, chunk_rows: int | None, workers: i
         if (path / MANIFEST).is_file():
             return _resumed(path, plan, chunk_rows)
         visible = [child.name for child in path.iterdir() if not child.name.startswith(".")]
-        if any(name != ROWS for name in visible):
+        if any(name != ROWS_FOLDER for name in visible):
             raise ConfigError(
                 f"--out {path}: has files but no sweep ({MANIFEST}); choose a new folder"
             )
-        private_folder(path / ROWS)
+        private_folder(path / ROWS_FOLDER)
         largest = _LARGEST_CHUNK["teams" if plan.teams else plan.way]
         if workers == 1:
             default_rows = min(plan.rows, largest)

@@ -26,7 +26,7 @@ from guidance.sweeps.axes import Axis, Distribution, Integers, flat, grid_values
 RunKind = Literal["maths", "fast"]
 """A row is point masses (maths), or a flight of the mock in virtual time (fast)."""
 
-FOLDER: Final = "sweeps"
+SWEEP_FOLDER: Final = "sweeps"
 ROW: Final = "row"
 
 MOST_GAMES: Final = 10**9

@@ -15,16 +15,17 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from guidance.files import private_folder, writing
+from guidance.game.arrays import FloatArray
 from guidance.log.codec import plain
-from guidance.screen import as_table, console
-from guidance.sweeps.axes import Array, Axis
+from guidance.screen import console, text_table
+from guidance.sweeps.axes import Axis
 from guidance.sweeps.compare import Interval, cell, finite_numbers, mean, spread, success_share
 from guidance.sweeps.drawing import Key, draw_all, key_label
 from guidance.sweeps.folder import (
     CAPTURED,
     END,
     PAIR,
-    POINT,
+    POINT_NUMBER,
     Columns,
     read_folder,
     write_whole,
@@ -46,7 +47,7 @@ _OF_GAME: Final = {
 Rows = list[tuple[str, ...]]
 
 
-def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) -> list[Path]:
+def write_sweep_report(path: Path, out: Path, *, worst: int, as_json: bool = False) -> list[Path]:
     """Print a sweep's tables, write its report, and return the files.
 
     Args:
@@ -101,7 +102,7 @@ def _keys(plan: Plan, axis: Axis, rows: Columns) -> Iterator[Key]:
             yield _bins(column, rows[column])
     elif len(axis.values) > 1:
         number = plan.axes.index(axis)
-        places = plan.on_axes(rows[POINT])[number]
+        places = plan.on_axes(rows[POINT_NUMBER])[number]
         labels = [
             f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values
         ]
@@ -202,7 +203,7 @@ def _group_summaries(
 
 def _grouped(
     plan: Plan, rows: Columns, keys: Sequence[Key]
-) -> Iterator[tuple[int, list[int], Array]]:
+) -> Iterator[tuple[int, list[int], FloatArray]]:
     """Yield every group: its pair of policies, its place on each key, and its games as `_summary` takes them."""
     columns = [rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")]
     numbers = np.stack(columns, axis=-1)
@@ -216,7 +217,7 @@ def _grouped(
         yield pair, places, games
 
 
-def _summary(plan: Plan, games: Array, *, with_intervals: bool) -> dict[str, Any]:
+def _summary(plan: Plan, games: FloatArray, *, with_intervals: bool) -> dict[str, Any]:
     """Return captures and regrets of a group of games (n, 4): captured, regret, predicted value and time."""
     captures, regrets, predicted, times_s = games.T
     captures = finite_numbers(captures)
@@ -310,15 +311,15 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
         ends.append((_names(policies), games, captured, other_ends))
         regrets.append((_names(policies), *_regret(policies, _SHOWN)))
     end_headings = ("policies", "games", "captured", "other ends")
-    target.print(as_table(end_headings, ends, left=(0, 3)))
+    target.print(text_table(end_headings, ends, left=(0, 3)))
     target.print()
-    target.print(as_table(("policies", "mean regret", *_SHOWN), regrets))
+    target.print(text_table(("policies", "mean regret", *_SHOWN), regrets))
     for policies in report["policies"]:
         for title, headings, rows in _by_key(policies, grid):
             target.print(f"\n{_names(policies)}{title}", style="italic")
             if len({row[1:] for row in rows}) == 1:
                 rows = [("all", *rows[0][1:])]  # noqa: PLW2901 - equal rows are shown once
-            target.print(as_table(("", *headings), rows, left=()))
+            target.print(text_table(("", *headings), rows, left=()))
     for invalid in report["invalid"]:
         example = f"as row {invalid['row']}: {invalid['reason']}"
         target.print(

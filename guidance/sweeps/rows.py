@@ -26,7 +26,7 @@ from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamOutcome, TeamScenario, play_teams
 from guidance.sweeps.axes import Axis
-from guidance.sweeps.plan import FOLDER, Cases, Pair, Plan, policy_in
+from guidance.sweeps.plan import SWEEP_FOLDER, Cases, Pair, Plan, policy_in
 from guidance.toml_files import read
 
 DETERMINING: Final = (PACKAGE, "numpy", "pyarrow")
@@ -134,7 +134,7 @@ def planned(name: str, way: str | None = None) -> Plan:
         ConfigError: If there is none, or its scenario is wrong; or one line for each fault, with the key, the value and
             what is allowed.
     """
-    path = find(name, FOLDER)
+    path = find(name, SWEEP_FOLDER)
     text, document = read(path)
     if way is not None:
         document["as"] = way

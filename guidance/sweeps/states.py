@@ -18,18 +18,18 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 from pyarrow import csv, parquet
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from guidance.errors import ConfigError
 from guidance.files import private_file, writing
 from guidance.game import Ball, Game, Reason, Winner, solve
+from guidance.game.arrays import Array
 from guidance.game.records import rows_of
 from guidance.game.team import Matching, match_teams
 from guidance.screen import console, redraws
 
-ROWS = 65536
+ROWS_AT_ONCE = 65536
 """Rows that are solved and written at a time."""
 
 MAX_PLAYERS: Final = 50
@@ -63,8 +63,7 @@ _TEAM_COLUMNS: Final = {
 }
 """Fields of `Matching`: their columns, by player and axis, and the value of a row or player without an answer."""
 
-Array = NDArray[Any]
-Cell = tuple[int, str, str]
+_Cell = tuple[int, str, str]
 """A cell that should hold a number: its row, counted from 1, its column and its text."""
 
 
@@ -92,7 +91,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
     """
     out = _checked_out(states, out)
     writer: Any = None
-    strange: list[Cell] = []
+    strange: list[_Cell] = []
     rows_done = 0
     target = console(stderr=True)
     try:
@@ -158,7 +157,7 @@ def _checked_out(states: Path, out: Path | None) -> Path:
     return out
 
 
-def _listed(cells: list[Cell]) -> str:
+def _listed(cells: list[_Cell]) -> str:
     shown_cells = cells[:_SHOWN]
     words = [f"row {row}, {column} = {text!r}" for row, column, text in shown_cells]
     hidden = len(cells) - _SHOWN
@@ -168,7 +167,7 @@ def _listed(cells: list[Cell]) -> str:
 
 
 def _chunks(path: Path) -> Iterator[pa.Table]:
-    """Read a file in pieces of at most `ROWS` rows; a file without rows gives one empty piece.
+    """Read a file in pieces of at most `ROWS_AT_ONCE` rows; a file without rows gives one empty piece.
 
     Raises:
         ConfigError: Its columns have no names, or two have the same.
@@ -184,11 +183,11 @@ def _chunks(path: Path) -> Iterator[pa.Table]:
         file = parquet.ParquetFile(path)
         schema = file.schema_arrow
         _checked_names(path, schema)
-        batches = file.iter_batches(ROWS)
+        batches = file.iter_batches(ROWS_AT_ONCE)
     rows_read = 0
     for batch in batches:
-        for start in range(0, batch.num_rows, ROWS):
-            piece = batch.slice(start, ROWS)
+        for start in range(0, batch.num_rows, ROWS_AT_ONCE):
+            piece = batch.slice(start, ROWS_AT_ONCE)
             yield pa.table(piece)
         rows_read += batch.num_rows
     if not rows_read:
@@ -208,7 +207,7 @@ def _checked_names(path: Path, schema: pa.Schema) -> list[str]:
     return names
 
 
-def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Cell]]:
+def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[_Cell]]:
     """Convert the text in columns of numbers; a cell that holds no number becomes empty and is returned."""
     strange = []
     for column, name in enumerate(chunk.column_names):

@@ -19,15 +19,15 @@ from guidance.messages import UNKNOWN_VELOCITY, EvaderReport, MateState
 from guidance.team.messages import (
     STATE,
     EvaderMessage,
-    Message,
     RefusedMessage,
     RolesMessage,
     StateMessage,
-    decode,
+    TeamMessage,
+    read_message,
 )
 from guidance.team.senders import TWO_SENDERS, Sender
 
-SILENT_S: Final = 1.0
+TEAM_SILENT_S: Final = 1.0
 """A mate or a coordinator that was not heard for so long is not there."""
 
 MOST_TERMS: Final = 1000
@@ -163,12 +163,12 @@ class Board:
             mate.refused_s = now_s
             self.news.append(f"{name}: a message in its name was refused ({reason})")
 
-    def _read(self, now_s: float, key: str, payload: bytes) -> Message:
+    def _read(self, now_s: float, key: str, payload: bytes) -> TeamMessage:
         """Read a message. Strangers, old messages and those of another stream are refused."""
         mate = self.mates.get(key.rpartition("/")[2])
         if mate is None:
             raise RefusedMessage("identity")
-        message = decode(key.partition("/")[0], payload)
+        message = read_message(key.partition("/")[0], payload)
         if message.key != key:
             raise RefusedMessage("identity")
         if isinstance(message, EvaderMessage) and message.evader not in self._evaders:
@@ -278,7 +278,7 @@ class Board:
         """
         names = [self.vehicle]
         for name, mate in self.mates.items():
-            is_silent = now_s - mate.heard_s > SILENT_S
+            is_silent = now_s - mate.heard_s > TEAM_SILENT_S
             if not is_silent and (present is None or name in present):
                 names.append(name)
         return sorted(names)

@@ -18,10 +18,10 @@ from guidance.errors import ConfigError
 from guidance.frames import Enu
 from guidance.game import Game
 from guidance.game.team import Matching, between, match_teams
-from guidance.team.board import SILENT_S, Board
+from guidance.team.board import TEAM_SILENT_S, Board
 from guidance.team.messages import Promise, RolesMessage, StateMessage, VehicleRole
 
-EVERY_S: Final = 0.5
+_EVERY_S: Final = 0.5
 """Period of the matching; events come at once."""
 
 SENT_EVERY_S: Final = 0.1
@@ -101,7 +101,7 @@ class Coordinator:
         """
         self._begun_s = now_s if self._begun_s is None else self._begun_s
         last_s = max(self._board.roles_s, self._begun_s)
-        is_silent = now_s - last_s >= SILENT_S
+        is_silent = now_s - last_s >= TEAM_SILENT_S
         return self.leading or (is_silent and alive[0] == self._board.vehicle)
 
     def assign(self, now_s: float, scene: CoordinatorView) -> RolesMessage | None:
@@ -114,7 +114,7 @@ class Coordinator:
         players = sorted(scene.vehicles), sorted(scene.evaders)
         last = self._board.roles if self.leading else None
         is_new = last is None or players != self._players
-        match_is_due = is_new or now_s - self._matched_s >= EVERY_S - ROUNDING_S
+        match_is_due = is_new or now_s - self._matched_s >= _EVERY_S - ROUNDING_S
         message_is_due = now_s - self._board.roles_s >= SENT_EVERY_S - ROUNDING_S
         if not match_is_due and not message_is_due:
             return None

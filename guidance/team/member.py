@@ -25,10 +25,10 @@ from guidance.team.messages import (
     StateMessage,
     Transport,
     VehicleRole,
-    encode,
+    write_message,
 )
 
-EVERY_S: Final = 0.1
+_EVERY_S: Final = 0.1
 """Period of the states, and least time between reports of one evader."""
 
 STAYS_S: Final = 2.0
@@ -189,7 +189,7 @@ class Member:
         )
         if has_ended and flight.observed.role is not None:
             self.board.close((flight.observed.role.evader,), now_s)
-        if now_s - self._sent_s >= EVERY_S - ROUNDING_S:
+        if now_s - self._sent_s >= _EVERY_S - ROUNDING_S:
             self._sent_s = now_s
             self._publish(flight, outputs)
         elif not has_ended:
@@ -200,7 +200,7 @@ class Member:
         scene = self._scene(now_s, flight, alive)
         assignment = None if scene is None else self.coordinator.assign(now_s, scene)
         if assignment is not None:
-            self._transport.publish(assignment.key, encode(assignment))
+            self._transport.publish(assignment.key, write_message(assignment))
 
     def _publish(self, flight: Flight, outputs: Outputs) -> None:
         """Send the vehicle's state, and the newest report of each evader that it heard since the last time."""
@@ -239,7 +239,7 @@ class Member:
                 over=tuple(sorted(self.board.over)),
             )
             self.board.own = state
-            self._transport.publish(state.key, encode(state))
+            self._transport.publish(state.key, write_message(state))
         for name, report in self._reports.items():
             altitude = Amsl(report.altitude_amsl_m)
             place = (report.latitude_deg, report.longitude_deg, altitude)
@@ -253,7 +253,7 @@ class Member:
                 source=report.source[:120],
                 velocity_ned_m_s=velocity if is_known else None,
             )
-            self._transport.publish(message.key, encode(message))
+            self._transport.publish(message.key, write_message(message))
         self._reports.clear()
 
     def _scene(

@@ -11,11 +11,12 @@ from typing import Annotated, Final, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
+from guidance.config import Name
 from guidance.frames import Amsl
 from guidance.vehicle import FASTEST_M_S, HIGHEST_M
 
 STATE = "state"
-EVADER = "evader"
+_EVADER = "evader"
 ROLES = "roles"
 """First parts of the keys `state/VEHICLE`, `evader/EVADER/VEHICLE` and `roles/VEHICLE`."""
 
@@ -27,10 +28,9 @@ _MOST_CLOCK_S: Final = 1e10
 _MOST: Final = 32
 """Most vehicles, and most evaders, of a team."""
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 Names = Annotated[tuple[Name, ...], Field(max_length=_MOST, strict=False)]
 Count = Annotated[int, Field(ge=0, lt=2**53)]
-Speed = Annotated[float, Field(gt=0.0, lt=FASTEST_M_S)]
+_Speed = Annotated[float, Field(gt=0.0, lt=FASTEST_M_S)]
 _Part = Annotated[float, Field(gt=-FASTEST_M_S, lt=FASTEST_M_S)]
 Velocity = Annotated[tuple[_Part, _Part, _Part], Field(strict=False)]
 
@@ -39,7 +39,7 @@ class RefusedMessage(ValueError):  # noqa: N818 -- a verdict, counted and never 
     """A message that does not match its schema."""
 
 
-class Message(BaseModel):
+class TeamMessage(BaseModel):
     """Common to all messages: `epoch` is drawn at the start of the sender, `seq` counts its messages of a kind."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -55,7 +55,7 @@ class Message(BaseModel):
         return f"{STATE}/{self.vehicle}"
 
 
-class Placed(Message):
+class Placed(TeamMessage):
     """A message with a place."""
 
     latitude_deg: float = Field(gt=-90.0, lt=90.0, description="WGS-84 latitude, degrees")
@@ -86,9 +86,9 @@ class StateMessage(Placed):
         description="Whether it can be engaged, or plays"
     )
     airborne: bool = Field(description="Whether mates must stay away from it")
-    speed_m_s: Speed = Field(description="Horizontal speed in the game")
-    climb_m_s: Speed = Field(description="Climb rate in the game")
-    descent_m_s: Speed = Field(description="Descent rate in the game")
+    speed_m_s: _Speed = Field(description="Horizontal speed in the game")
+    climb_m_s: _Speed = Field(description="Climb rate in the game")
+    descent_m_s: _Speed = Field(description="Descent rate in the game")
     evader: Name | None = Field(None, description="The evader that it plays against")
     value: float | None = Field(
         None, ge=0.0, description="Value of its own game: s in PE, m in TAD; null without one"
@@ -113,13 +113,13 @@ class EvaderMessage(Placed):
     @property
     def key(self) -> str:
         """Its key without the prefix."""
-        return f"{EVADER}/{self.evader}/{self.vehicle}"
+        return f"{_EVADER}/{self.evader}/{self.vehicle}"
 
 
 class VehicleRole(BaseModel):
     """The evader of a vehicle, and how far above the game's disc it stays: vehicles at one evader are stacked."""
 
-    model_config = Message.model_config
+    model_config = TeamMessage.model_config
 
     vehicle: Name
     evader: Name
@@ -132,7 +132,7 @@ class Promise(BaseModel):
     The value is seconds from the message on (PE) or metres (TAD). It is changed only with a cause.
     """
 
-    model_config = Message.model_config
+    model_config = TeamMessage.model_config
 
     evader: Name
     value: FiniteFloat | None = Field(description="null: promised earlier, and lost for the cause")
@@ -172,7 +172,7 @@ class Promise(BaseModel):
         return f"{word}: {achieved:.1f} of {value:.1f} {unit}"
 
 
-class RolesMessage(Message):
+class RolesMessage(TeamMessage):
     """The assignment of a coordinator, twice per second and at events."""
 
     model_config = ConfigDict(title="guidance.TeamRoles")
@@ -201,19 +201,19 @@ class RolesMessage(Message):
         return "; ".join((assigned, *promises, coordinator))
 
 
-KINDS: Final[Mapping[str, type[Message]]] = {
+MESSAGE_KINDS: Final[Mapping[str, type[TeamMessage]]] = {
     STATE: StateMessage,
-    EVADER: EvaderMessage,
+    _EVADER: EvaderMessage,
     ROLES: RolesMessage,
 }
 
 
-def encode(message: Message) -> bytes:
+def write_message(message: TeamMessage) -> bytes:
     """Return a message as JSON."""
     return message.model_dump_json().encode()
 
 
-def decode(kind: str, payload: bytes) -> Message:
+def read_message(kind: str, payload: bytes) -> TeamMessage:
     """Read a message.
 
     Args:
@@ -223,14 +223,14 @@ def decode(kind: str, payload: bytes) -> Message:
     Raises:
         RefusedMessage: With the reason in one word.
     """
-    if kind not in KINDS:
+    if kind not in MESSAGE_KINDS:
         raise RefusedMessage("kind")
     if len(payload) > MOST_BYTES:
         raise RefusedMessage("size")
     if payload.count(b'"') > _MOST_QUOTES:
         raise RefusedMessage("schema")
     try:
-        return KINDS[kind].model_validate_json(payload)
+        return MESSAGE_KINDS[kind].model_validate_json(payload)
     except ValidationError as error:
         raise RefusedMessage("schema") from error
 

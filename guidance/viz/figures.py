@@ -23,11 +23,11 @@ from guidance.errors import ConfigError
 from guidance.files import whole_file, writing
 from guidance.frames import Enu
 from guidance.game import End, Extent, StandOff
-from guidance.game.arrays import FLOATS
+from guidance.game.arrays import FLOATS, FloatArray
 from guidance.game.extent import to_set
 from guidance.game.team import Matching, TeamRollout
 from guidance.game.team.regions import regions_of, survived
-from guidance.log.scene import Array, circle, isochron, lifted, target_edge
+from guidance.log.scene import circle_points, isochron, lifted, target_edge
 from guidance.sim.batch import Batch, stack, target_extent, target_game_m
 from guidance.sim.maths import moments, opening
 from guidance.sim.scenario import Scenario
@@ -35,8 +35,8 @@ from guidance.sim.teams import Teams, TeamScenario, game_of, played_teams, teams
 
 Style = dict[str, Any]
 
-PURSUER: Final[Style] = {"color": "#b3261e", "linewidth": 1.8}
-EVADER: Final[Style] = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
+PURSUER_STYLE: Final[Style] = {"color": "#b3261e", "linewidth": 1.8}
+EVADER_STYLE: Final[Style] = {"color": "#0b5fa5", "linewidth": 1.8, "linestyle": "--"}
 BEFORE: Final = {"color": "0.6", "linewidth": 0.9}
 COURSE: Final = {"color": "0.5", "linewidth": 0.8, "marker": ".", "markersize": 4}
 FENCE: Final = {"color": "0.1", "linewidth": 1.2, "linestyle": (0, (8, 3, 1, 3))}
@@ -107,7 +107,7 @@ def check_picture(path: Path) -> None:
         raise ConfigError(f"--out {path}: must end in one of {endings}")
 
 
-def thinned(values: Array) -> Array:
+def thinned(values: FloatArray) -> FloatArray:
     """Thin out a long curve evenly, keeping both ends."""
     count = min(len(values), MOST_POINTS)
     numbers = np.linspace(0, len(values) - 1, count).round().astype(int)
@@ -154,14 +154,14 @@ class Shape(NamedTuple):
         dimensions: Where it is drawn: 3 in space, 2 from above.
     """
 
-    places_m: Array
+    places_m: FloatArray
     style: Style
     name: str
     is_framed: bool = True
     dimensions: Sequence[int] = (2, 3)
 
 
-def box_of(shapes: Iterable[Shape]) -> tuple[Array, Array]:
+def box_of(shapes: Iterable[Shape]) -> tuple[FloatArray, FloatArray]:
     """Return the corners of all framed shapes, with a margin."""
     places_m = np.concatenate([shape.places_m for shape in shapes if shape.is_framed])
     is_finite = np.isfinite(places_m)
@@ -174,9 +174,12 @@ def box_of(shapes: Iterable[Shape]) -> tuple[Array, Array]:
     return low_m, high_m
 
 
-def player_tracks(pursuer: Array, evader: Array) -> Iterator[Shape]:
+def player_tracks(pursuer: FloatArray, evader: FloatArray) -> Iterator[Shape]:
     """Yield the tracks of both players in the game, (n, 3), m, and their ends."""
-    players = ("pursuer", pursuer, PURSUER, "o", "s"), ("evader", evader, EVADER, "^", "v")
+    players = (
+        ("pursuer", pursuer, PURSUER_STYLE, "o", "s"),
+        ("evader", evader, EVADER_STYLE, "^", "v"),
+    )
     for name, track, style, begin_marker, end_marker in players:
         mark = {"color": style["color"], "linestyle": "none"}
         begin_style = mark | {"marker": begin_marker}
@@ -188,7 +191,7 @@ def player_tracks(pursuer: Array, evader: Array) -> Iterator[Shape]:
 
 
 def promise_of(
-    curve: Array, meeting_m: Sequence[float] | None, *, with_target: bool
+    curve: FloatArray, meeting_m: Sequence[float] | None, *, with_target: bool
 ) -> Iterator[Shape]:
     """Yield the isochron at engagement, (n, 2), and the meeting point foreseen, m: what the game promises."""
     yield Shape(lifted(curve, 0.0), ISOCHRON, "isochron at engagement")
@@ -202,7 +205,7 @@ def promise_of(
 def disc_of(reached_m: Sequence[float], standoff: StandOff) -> Shape:
     """Return the stand-off disc about the place of the evader at capture."""
     x, y, *_ = reached_m
-    rim = circle((x, y, 0.0), standoff.radius_m, 73)
+    rim = circle_points((x, y, 0.0), standoff.radius_m, 73)
     disc = lifted(rim, standoff.height_m)
     return Shape(disc, STANDOFF, "stand-off disc at capture", is_framed=False)
 
@@ -217,7 +220,7 @@ def target_of(place_m: Enu | None, extent: Extent) -> Iterator[Shape]:
 
 
 def chase_figure(
-    shapes: Sequence[Shape], fence: Sequence[Array], *, with_whole_fence: bool = False
+    shapes: Sequence[Shape], fence: Sequence[FloatArray], *, with_whole_fence: bool = False
 ) -> Figure:
     """Draw a chase in space and from above, and from above with the whole fence if asked for.
 
@@ -270,7 +273,13 @@ def draw(axes: Any, shapes: Iterable[Shape], dimensions: int) -> None:  # noqa: 
             axes.plot(*places_m.T, **shape.style, label=shape.name)
 
 
-def draw_fence(axes: Any, edges: Sequence[Array], dimensions: int, *, whole: bool = False) -> None:  # noqa: ANN401
+def draw_fence(
+    axes: Any,  # noqa: ANN401
+    edges: Sequence[FloatArray],
+    dimensions: int,
+    *,
+    whole: bool = False,
+) -> None:
     """Draw the visible part of a fence's edges, so that a wide fence does not shrink the rest.
 
     Args:
@@ -317,13 +326,13 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
         disc_of(evader[-1], batch.game.standoff),
         *target_of(target_m, batch.game.target_extent),
     ]
-    fence = circle(scenario.home_m, scenario.limits.fence_radius_m, 361)
+    fence = circle_points(scenario.home_m, scenario.limits.fence_radius_m, 361)
     figure = chase_figure(shapes, [lifted(fence, 0.0)])
     figure.suptitle(scenario.title)
     save(figure, path)
 
 
-def played(batch: Batch) -> tuple[float, Array, Array]:
+def played(batch: Batch) -> tuple[float, FloatArray, FloatArray]:
     """Play a batch of one game as mathematics; return the duration (s) and both tracks, (n, 3), m.
 
     A step may be long. Hermite's cubic draws it from the positions and velocities at both ends.
@@ -340,7 +349,9 @@ def played(batch: Batch) -> tuple[float, Array, Array]:
     return float(now_s[-1]), pursuer, evader
 
 
-def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Array:
+def _curved(
+    now_s: FloatArray, places: Sequence[FloatArray], rates: Sequence[FloatArray]
+) -> FloatArray:
     """Return a track through places (m), with more points between them; the rates (m/s) are those of the steps."""
     places_m = np.array(places)
     rates_m_s = np.array(rates)
@@ -403,7 +414,9 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     save(figure, path)
 
 
-def region(scenario: TeamScenario, pursuers: list[int], evader: int, points: int = 721) -> Array:
+def region(
+    scenario: TeamScenario, pursuers: list[int], evader: int, points: int = 721
+) -> FloatArray:
     """Return the edge of the points that an evader reaches before some pursuers, (points, 2), m.
 
     Args:

@@ -18,9 +18,9 @@ from guidance.flight import Event, FlightSettings, State
 from guidance.flight.settings import TeamSection
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Enu
+from guidance.game.arrays import FloatArray
 from guidance.log import Aggregator, Comparison, Cycle, Survey, compare, metadata_of, scan, title_of
 from guidance.log.entries import ASSIGNED, EVENT, CycleEntry, EventEntry
-from guidance.log.scene import Array
 from guidance.messages import Home, Role
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly.result import Capture, distance_to_target_m, least_distance_m, predicted
@@ -65,7 +65,7 @@ class FlightHistory(NamedTuple):
     game: list[GameCycle]
     evaders: dict[str, list[tuple[float, Enu]]]
 
-    def column(self, name: str) -> Array:
+    def column(self, name: str) -> FloatArray:
         """Return one field of all cycles, shape (n,) or (n, 3)."""
         return np.array([getattr(cycle, name) for cycle in self.cycles])
 
@@ -314,7 +314,7 @@ def _achieved_value(history: FlightHistory, captured: GameCycle) -> float:
     return distance_to_target_m(cycle, captured.certificate.evader_game_m)
 
 
-def _spread_ms(values: Array) -> str:
+def _spread_ms(values: FloatArray) -> str:
     finite_ms = 1e3 * values[np.isfinite(values)]
     if not len(finite_ms):
         return "not recorded"

@@ -24,14 +24,15 @@ from PIL import ExifTags, Image
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, whole_file, writing
 from guidance.frames import Enu
+from guidance.game.arrays import FloatArray
 from guidance.log.entries import SCENARIO
-from guidance.log.scene import Array, circle, isochron_at, lifted
+from guidance.log.scene import circle_points, isochron_at, lifted
 from guidance.screen import counted
 from guidance.viz import figures
 from guidance.viz.figures import (
-    EVADER,
+    EVADER_STYLE,
     MARK,
-    PURSUER,
+    PURSUER_STYLE,
     STANDOFF,
     TARGET,
     Shape,
@@ -67,10 +68,10 @@ _MARGIN_CYCLES: Final = 50
 _MOST_EVENTS = 60
 mpl.rcParams["svg.hashsalt"] = "report"  # an SVG is reproducible byte for byte
 _SECTION: Final = re.compile(r'<section id="(\w+)">.*?</section>\n', re.DOTALL)
-PlottedLine = tuple[str, Array, Array, Style, str | None]
+PlottedLine = tuple[str, FloatArray, FloatArray, Style, str | None]
 """A line over time: label of its axis, times, values, style, name."""
 
-Drawn = Iterable[tuple[str, Figure]]
+_Drawn = Iterable[tuple[str, Figure]]
 """Pictures by name, drawn one after the other."""
 
 _SHADES = ("0.96", "0.86", "0.91", "0.82")
@@ -124,20 +125,20 @@ def shapes_of(history: FlightHistory) -> list[Shape]:
 def draw_game(history: FlightHistory) -> Figure:
     """Draw range, time to go and guarantee: t + time needed never rises in PE, and L never falls in TAD."""
 
-    def column(name: str) -> Array:
+    def column(name: str) -> FloatArray:
         return history.column(name)[playing_span(history)]
 
     now_s = column("now_s")
     needed_s = column("time_needed_s")
     engaged_s = now_s[0] if history.engaged is None else history.engaged.now_s
     since_s = now_s - engaged_s
-    game_style = EVADER | {"linewidth": 0.9}
-    own_style = PURSUER | {"linewidth": 0.9}
+    game_style = EVADER_STYLE | {"linewidth": 0.9}
+    own_style = PURSUER_STYLE | {"linewidth": 0.9}
     lines: list[PlottedLine] = [
-        ("range, m", now_s, column("gap_m"), PURSUER, "ground distance to the disc's rim"),
-        ("range, m", now_s, column("height_gap_m"), EVADER, "height above the disc"),
-        ("time to go, s", now_s, column("meeting_time_s"), EVADER, "the game's pursuer"),
-        ("time to go, s", now_s, needed_s, PURSUER, "this vehicle"),
+        ("range, m", now_s, column("gap_m"), PURSUER_STYLE, "ground distance to the disc's rim"),
+        ("range, m", now_s, column("height_gap_m"), EVADER_STYLE, "height above the disc"),
+        ("time to go, s", now_s, column("meeting_time_s"), EVADER_STYLE, "the game's pursuer"),
+        ("time to go, s", now_s, needed_s, PURSUER_STYLE, "this vehicle"),
     ]
     if history.with_target:
         panel = "guarantee L, m"
@@ -183,8 +184,8 @@ def draw_velocities(history: FlightHistory) -> Figure:
     thin = {"linewidth": 1.1}
     curves = (
         ("flown_ned_m_s", {"color": "0.55", "linewidth": 2.2}, "flown"),
-        ("commanded_ned_m_s", PURSUER | thin, "commanded"),
-        ("desired_ned_m_s", EVADER | thin, "wanted by the game"),
+        ("commanded_ned_m_s", PURSUER_STYLE | thin, "commanded"),
+        ("desired_ned_m_s", EVADER_STYLE | thin, "wanted by the game"),
     )
     for name, style, label in curves:
         north_m_s, east_m_s, down_m_s = thinned(history.column(name)[span]).T
@@ -209,11 +210,11 @@ def draw_ages(history: FlightHistory) -> Figure:
     age = "oldest in each\nsecond, ms"
     loop = "loop, longest in\neach second, ms"
     lines: list[PlottedLine] = [
-        worst(age, "telemetry_age_s", PURSUER, "vehicle's position"),
-        worst(age, "evader_age_s", EVADER, "evader's last report"),
+        worst(age, "telemetry_age_s", PURSUER_STYLE, "vehicle's position"),
+        worst(age, "evader_age_s", EVADER_STYLE, "evader's last report"),
         ("round trip, ms", now_s, round_trip_ms, dots, "TIMESYNC\nthere and back"),
-        worst(loop, "late_s", PURSUER, "began late by"),
-        worst(loop, "worked_s", EVADER, "worked for"),
+        worst(loop, "late_s", PURSUER_STYLE, "began late by"),
+        worst(loop, "worked_s", EVADER_STYLE, "worked for"),
     ]
     figure, axes = over_time(history, 6.4, lines)
     for panel_axes in axes:
@@ -298,9 +299,9 @@ def draw_plan(team: TeamHistory) -> Figure:
     cycle = team.first.settings.cycle
     game = cycle.game
     # reports of one evader to several vehicles are dots: joined, they would go to and fro
-    dots = EVADER | {"linestyle": "none", "marker": ".", "markersize": 2}
+    dots = EVADER_STYLE | {"linestyle": "none", "marker": ".", "markersize": 2}
     for name, flight in team.flights.items():
-        _draw_track(axes, name, flight.column("pursuer_m"), PURSUER, "vehicle")
+        _draw_track(axes, name, flight.column("pursuer_m"), PURSUER_STYLE, "vehicle")
     for name in team.evaders:
         reported = list[Enu]()
         for flight in team.flights.values():
@@ -308,7 +309,7 @@ def draw_plan(team: TeamHistory) -> Figure:
             reported += [position_m for _, position_m in track]
         _draw_track(axes, name, np.array(reported), dots, "evader")
     for capture in team.captures.values():
-        disc = circle(capture.evader_m, game.standoff.radius_m)
+        disc = circle_points(capture.evader_m, game.standoff.radius_m)
         axes.plot(*disc.T, **STANDOFF, label="stand-off disc at capture")
     target = figures.target_of(cycle.target_game_m, game.target_extent)
     figures.draw(axes, target, 2)
@@ -320,7 +321,7 @@ def draw_plan(team: TeamHistory) -> Figure:
     return figure
 
 
-def _draw_track(axes: Any, name: str, track: Array, style: Style, kind: str) -> None:  # noqa: ANN401
+def _draw_track(axes: Any, name: str, track: FloatArray, style: Style, kind: str) -> None:  # noqa: ANN401
     """Draw where a player was known to be from above, with its name at the begin."""
     is_finite = np.isfinite(track).all(axis=1)
     places_m = thinned(track[is_finite])[:, :2]
@@ -329,7 +330,7 @@ def _draw_track(axes: Any, name: str, track: Array, style: Style, kind: str) -> 
     axes.annotate(name, places_m[0], **beside, color=style["color"])
 
 
-def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
+def worst_of_each_second(now_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the seconds with data and the largest value in each, which turns a sawtooth into a line."""
     is_finite = np.isfinite(values)
     whole_s = np.floor(now_s[is_finite])
@@ -380,9 +381,9 @@ def write_animation(history: FlightHistory, path: Path) -> None:
 class _MovingTracks(NamedTuple):
     """Places of vehicle and evader, (n, 3), and the vehicle's distance from the evader and height above it, (n, 2)."""
 
-    pursuer_m: Array
-    evader_m: Array
-    height: Array
+    pursuer_m: FloatArray
+    evader_m: FloatArray
+    height: FloatArray
 
 
 class _Stage(NamedTuple):
@@ -403,7 +404,7 @@ class _Stage(NamedTuple):
     title: Text
 
 
-def _stage(history: FlightHistory, most_m: Array) -> _Stage:
+def _stage(history: FlightHistory, most_m: FloatArray) -> _Stage:
     """Draw what does not move; `most_m` are the largest distance and height."""
     shapes = shapes_of(history)
     far_m, high_m = most_m
@@ -426,9 +427,9 @@ def _stage(history: FlightHistory, most_m: Array) -> _Stage:
     )
     side.grid(visible=True, linewidth=0.3)
     players = (
-        (plan, PURSUER, "o", "vehicle"),
-        (plan, EVADER, "^", "evader"),
-        (side, PURSUER, "o", None),
+        (plan, PURSUER_STYLE, "o", "vehicle"),
+        (plan, EVADER_STYLE, "^", "evader"),
+        (side, PURSUER_STYLE, "o", None),
     )
     runs = []
     marks = []
@@ -449,7 +450,7 @@ def _frame(
         run.set_data(*points.T)
         mark.set_data(*points[-1:].T)
     radius_m = history.settings.cycle.game.standoff.radius_m
-    disc = circle(tracks.evader_m[number], radius_m, 49)
+    disc = circle_points(tracks.evader_m[number], radius_m, 49)
     stage.rim.set_data(*disc.T)
     stage.title.set_text(f"{history.title}: {played_s:.1f} s")
     canvas = cast("FigureCanvasAgg", stage.figure.canvas)
@@ -528,7 +529,7 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
 def write_page(
     folder: Path,
     flights: Sequence[FlightHistory],
-    drawn: Drawn,
+    drawn: _Drawn,
     words: str,
     rows: Iterable[TableRow],
 ) -> list[Path]:

@@ -27,7 +27,7 @@ import rerun_cli
 
 from guidance.errors import LinkError
 
-LOOPBACK: Final = "127.0.0.1"
+_LOOPBACK: Final = "127.0.0.1"
 MEMORY_LIMIT: Final = "512MB"
 """Memory limit of the server, for late viewers; the oldest data are dropped first."""
 
@@ -52,7 +52,7 @@ _HEADERS: Final = (
 )
 """Of the page: it may load its own files, and connect to the recording's server only."""
 
-Address = tuple[str, int]
+_Address = tuple[str, int]
 
 
 class Relay(socketserver.ThreadingTCPServer):
@@ -64,9 +64,9 @@ class Relay(socketserver.ThreadingTCPServer):
     daemon_threads = allow_reuse_address = True
     block_on_close = False
 
-    def __init__(self, option: str, port: int, behind: Address, headers: str = "") -> None:
+    def __init__(self, option: str, port: int, behind: _Address, headers: str = "") -> None:
         try:
-            super().__init__((LOOPBACK, port), _Connection)
+            super().__init__((_LOOPBACK, port), _Connection)
         except OSError as error:
             raise LinkError(
                 f"{option} {port}: {error.strerror}; choose another, or 0 for a free one"
@@ -74,7 +74,7 @@ class Relay(socketserver.ThreadingTCPServer):
         self.port = int(self.server_address[1])
         self.behind = behind
         self.headers = headers
-        self.hosts = {f"{name}:{self.port}" for name in (LOOPBACK, "localhost")}
+        self.hosts = {f"{name}:{self.port}" for name in (_LOOPBACK, "localhost")}
         threading.Thread(target=self.serve_forever, name=f"port {self.port}", daemon=True).start()
 
     def close(self) -> None:
@@ -171,7 +171,7 @@ def recording_server(port: int) -> Iterator[tuple[int, rr.GrpcServerSink]]:
 
 def recording_uri(port: int) -> str:
     """Return the address of a recording for viewers."""
-    return f"rerun+http://{LOOPBACK}:{port}/proxy"
+    return f"rerun+http://{_LOOPBACK}:{port}/proxy"
 
 
 @contextlib.contextmanager
@@ -183,7 +183,7 @@ def web_page(port: int, recording_port: int) -> Iterator[str]:
     """
     behind = hidden_address()
     uri = recording_uri(recording_port)
-    headers = _HEADERS.format(recording=f"http://{LOOPBACK}:{recording_port}")
+    headers = _HEADERS.format(recording=f"http://{_LOOPBACK}:{recording_port}")
     with (
         contextlib.closing(Relay("--web-port", port, behind, headers)) as front,
         contextlib.ExitStack() as closing,
@@ -192,10 +192,10 @@ def web_page(port: int, recording_port: int) -> Iterator[str]:
             _serve_page(closing, behind, uri)
         except (OSError, subprocess.SubprocessError) as error:
             raise LinkError(f"the viewer's page could not be served: {error}") from error
-        yield f"http://{LOOPBACK}:{front.port}/?url={quote(uri, safe='')}"
+        yield f"http://{_LOOPBACK}:{front.port}/?url={quote(uri, safe='')}"
 
 
-def _serve_page(closing: contextlib.ExitStack, behind: Address, recording: str) -> None:
+def _serve_page(closing: contextlib.ExitStack, behind: _Address, recording: str) -> None:
     program = str(Path(rerun_cli.__file__).with_name("rerun"))
     # Turn off Rerun's usage reports in a folder of our own, so the user's setting stays unchanged.
     folder = closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-view-"))
@@ -226,10 +226,10 @@ def _serve_page(closing: contextlib.ExitStack, behind: Address, recording: str) 
     raise LinkError(f"the viewer's page was not served within {START_LIMIT_S:g} s")
 
 
-def hidden_address() -> Address:
+def hidden_address() -> _Address:
     """Return a random loopback address and a free port; 127.0.0.1 on systems with only this one."""
     numbers = (1 + secrets.randbelow(254) for _ in range(3))
-    address = ".".join(map(str, (127, *numbers))) if sys.platform == "linux" else LOOPBACK
+    address = ".".join(map(str, (127, *numbers))) if sys.platform == "linux" else _LOOPBACK
     with socket.socket() as probe:
         probe.bind((address, 0))
         return address, int(probe.getsockname()[1])

@@ -22,6 +22,7 @@ from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, writing
 from guidance.game import Winner
+from guidance.game.arrays import FloatArray
 from guidance.log import (
     Aggregator,
     Cycle,
@@ -33,12 +34,12 @@ from guidance.log import (
 )
 from guidance.log.broadcast import LiveFlight
 from guidance.log.entries import BEGINNINGS, Idle
-from guidance.log.scene import Array, circle, isochron_at, lifted, target_edge
+from guidance.log.scene import circle_points, isochron_at, lifted, target_edge
 from guidance.session.flight_files import recorded_settings
 from guidance.viz.serving import recording_server, recording_uri, web_page
 
 REDRAWN_EVERY_S: Final = 0.1
-NICE: Final = 10
+_NICE: Final = 10
 """Niceness of a live viewer, so that the flight's loop has priority."""
 
 Colour = tuple[int, int, int]
@@ -212,7 +213,7 @@ class Painter:
         """Start a flight."""
         # of each cycle, what is drawn of it by path
         self._pending = list[tuple[float, dict[str, Any]]]()
-        self._tails = dict[str, Array]()
+        self._tails = dict[str, FloatArray]()
         self._fenced = False
         self._engaged_s: float | None = None
 
@@ -293,7 +294,7 @@ class Painter:
         evader_m = certificate.evader_game_m
         standoff = cycle.game.standoff
         height_m = evader_m[2] + standoff.height_m
-        rim = lifted(circle(evader_m, standoff.radius_m, _POINTS), height_m)
+        rim = lifted(circle_points(evader_m, standoff.radius_m, _POINTS), height_m)
         self._log(now_s, DISC, _line_strips([rim], DISC))
         if certificate.no_game:
             return
@@ -304,7 +305,7 @@ class Painter:
         star = rr.Points3D([meeting_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]])
         self._log(now_s, MEETING, star)
 
-    def _send(self, name: str, now_s: Array, values: Array) -> None:
+    def _send(self, name: str, now_s: FloatArray, values: FloatArray) -> None:
         """Send a number or a position of every cycle that has one; of a position also the line from the last one."""
         numbers = values.reshape(len(values), -1)
         is_finite = np.isfinite(numbers).all(axis=-1)
@@ -335,7 +336,7 @@ class Painter:
         self._to.log(path, components, static=now_s is None)
 
 
-def _line_strips(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3D:
+def _line_strips(curves: list[FloatArray], name: str, width: float = 1.5) -> rr.LineStrips3D:
     radius = rr.Radius.ui_points(width)
     return rr.LineStrips3D(curves, colors=[COLOURS[name]], radii=radius)
 
@@ -387,7 +388,7 @@ def view(
     """
     with contextlib.ExitStack() as closing:
         if any(source.live for source in sources.values()):
-            os.nice(NICE)
+            os.nice(_NICE)
         wait = partial(ended.wait, REDRAWN_EVERY_S)
         metadata = {name: source.metadata(wait) for name, source in sources.items()}
         first = next(iter(metadata.values()))

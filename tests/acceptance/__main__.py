@@ -28,7 +28,7 @@ from rich.table import Table
 
 from guidance.errors import GuidanceError
 from guidance.links.zenoh.session import direct_session
-from guidance.session.fly.loop import NICE
+from guidance.session.fly.loop import LOOP_NICE
 from sitl_mock.child import free_udp_port, running
 from sitl_mock.errors import MockError
 from tests.acceptance import ground_station
@@ -312,7 +312,7 @@ def favoured() -> Iterator[None]:
     """Let mocks, relays and clients go first on a busy machine; a flight's own loop claims more, as a user's does."""
     before = os.getpriority(os.PRIO_PROCESS, 0)
     with contextlib.suppress(PermissionError):
-        os.setpriority(os.PRIO_PROCESS, 0, NICE)
+        os.setpriority(os.PRIO_PROCESS, 0, LOOP_NICE)
     try:
         yield
     finally:

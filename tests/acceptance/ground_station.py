@@ -26,7 +26,7 @@ from guidance.links.mavlink.frames import ticks
 from guidance.links.mavlink.ground_link import COMPONENT_ID, address_of
 from guidance.links.opening import open_wire
 from guidance.links.port import parse
-from guidance.session.observe.ground_station import ACCEPTED, DENIED, ORDERS
+from guidance.session.observe.ground_station import DENIED, ORDERS_BY_COMMAND, RESULT_ACCEPTED
 from sitl_mock.child import free_udp_port
 from tests.acceptance.flying import GUIDANCE, Line
 from tests.acceptance.qgroundcontrol import Handshake
@@ -43,7 +43,7 @@ HEARD_BEFORE_S = 2.5
 """A station's signed HEARTBEATs come before its first order: the disk has a bound on its timestamps then."""
 
 QGC = (255, 190)
-HOLD, _, LAND, START, ENGAGE = ORDERS
+HOLD, _, LAND, START, ENGAGE = ORDERS_BY_COMMAND
 _METRES_PER_DEGREE = 111_320.0
 _ASK_FOR_POSITIONS = mavlink.MAVLink_command_long_message(
     1, 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, 33, 250_000, 0, 0, 0, 0, 0
@@ -341,7 +341,7 @@ def fly(autopilot: str, vehicle_url: str, station_urls: Sequence[str], folder: P
             _order_hold(station, proxy, tell)
             station.hears("held by operator", 5.0)
             result = station.order(LAND)
-            tell("LAND accepted", result, held=result == ACCEPTED)
+            tell("LAND accepted", result, held=result == RESULT_ACCEPTED)
             down = wait(lambda: not station.armed, FLOWN_WITHIN_S)
             tell("landed and disarmed", "disarmed" if down else "armed", held=down)
             _judge(station, evader.place, tell)
@@ -388,19 +388,19 @@ def _order_signed(station: Station, key: bytes, tell: _Told) -> None:
     tell("START unsigned: no answer", result, held=result is None)
     station.sign_with(key)
     result = station.order(START)
-    tell("START signed: accepted", result, held=result == ACCEPTED)
+    tell("START signed: accepted", result, held=result == RESULT_ACCEPTED)
     up = station.hears("standing by", FLOWN_WITHIN_S)
     tell("standing by", station.texts[-1:], held=up)
     result = station.order(ENGAGE)
-    tell("ENGAGE signed: accepted", result, held=result == ACCEPTED)
+    tell("ENGAGE signed: accepted", result, held=result == RESULT_ACCEPTED)
     engaged = station.hears("engaged", 10.0)
     tell("engaged", station.texts[-1:], held=engaged)
     result = station.order(HOLD)
-    tell("HOLD signed: accepted", result, held=result == ACCEPTED)
+    tell("HOLD signed: accepted", result, held=result == RESULT_ACCEPTED)
     held = station.hears("held by operator", 5.0)
     tell("held by operator", station.texts[-1:], held=held)
     result = station.order(LAND)
-    tell("LAND signed: accepted", result, held=result == ACCEPTED)
+    tell("LAND signed: accepted", result, held=result == RESULT_ACCEPTED)
     down = wait(lambda: not station.armed, FLOWN_WITHIN_S)
     tell("landed and disarmed", "disarmed" if down else "armed", held=down)
 
@@ -427,7 +427,7 @@ def _order_hold(station: Station, proxy: Proxy | None, tell: _Told) -> None:
     """Order HOLD with MAVProxy, or else with the station."""
     if proxy is None:
         result = station.order(HOLD)
-        tell("HOLD accepted", result, held=result == ACCEPTED)
+        tell("HOLD accepted", result, held=result == RESULT_ACCEPTED)
         return
     proxy.say(f"message COMMAND_LONG 1 {COMPONENT_ID} {HOLD} 0 0 0 0 0 0 0 0")
     held = station.hears("held by operator", 5.0)

@@ -33,7 +33,7 @@ from guidance.sim.scenario_file import load_any
 from guidance.sim.stepped import EvaderHere
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
-from guidance.team.messages import RefusedMessage, RolesMessage, StateMessage, decode
+from guidance.team.messages import RefusedMessage, RolesMessage, StateMessage, read_message
 from sitl_mock.child import free_udp_port
 from tests.acceptance.flying import GUIDANCE, Line
 from tests.acceptance.relay import LASTING, SET_UP, Relay, wait
@@ -142,7 +142,7 @@ class Field:
     def _hear(self) -> None:
         for arrived_s, key, payload in self._team.receive():
             try:
-                message = decode(key.partition("/")[0], payload)
+                message = read_message(key.partition("/")[0], payload)
             except RefusedMessage:
                 continue
             if isinstance(message, RolesMessage):

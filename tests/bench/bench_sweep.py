@@ -22,8 +22,8 @@ import numpy as np
 from guidance.config import find
 from guidance.sim.maths import play_scenarios
 from guidance.sweeps.folder import begin_or_continue
-from guidance.sweeps.plan import FOLDER
-from guidance.sweeps.report import write_report
+from guidance.sweeps.plan import SWEEP_FOLDER
+from guidance.sweeps.report import write_sweep_report
 from guidance.sweeps.rows import as_table, computed, planned, scenarios_of, table_of_rows
 from guidance.sweeps.running import finish, run_sweep
 
@@ -85,7 +85,7 @@ def processor_s():
 def bench_policies(folder, seeds):
     """The bundled sweep with other numbers of seeds, one core, in this process; each pair of policies is one chunk."""
     text = (
-        find("policies", FOLDER)
+        find("policies", SWEEP_FOLDER)
         .read_text(encoding="utf-8")
         .replace("seeds = 1000", "seeds = SEEDS")
     )
@@ -177,7 +177,7 @@ def bench_flights(folder, flights):
 def bench_end_to_end(folder, rows):
     """From the file to the report, with the states of the sweep "policies"."""
     text = (
-        find("policies", FOLDER)
+        find("policies", SWEEP_FOLDER)
         .read_text(encoding="utf-8")
         .replace("seeds = 1000", "seeds = SEEDS")
     )
@@ -194,7 +194,7 @@ def bench_end_to_end(folder, rows):
     worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     began = time.perf_counter()
     with contextlib.redirect_stdout(io.StringIO()):
-        write_report(out, folder / "report", worst=3)
+        write_sweep_report(out, folder / "report", worst=3)
     told = time.perf_counter() - began
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"{rows:,} games end to end, two workers")

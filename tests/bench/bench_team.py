@@ -37,12 +37,12 @@ from guidance.session.orders.control_client import join_session
 from guidance.session.orders.control_token import token_path
 from guidance.team.messages import (
     EvaderMessage,
-    Message,
     RolesMessage,
     StateMessage,
+    TeamMessage,
     VehicleRole,
-    decode,
-    encode,
+    read_message,
+    write_message,
 )
 from sitl_mock.child import RunningFleet, free_udp_port, running
 from sitl_mock.world import DEFAULT_HOME
@@ -67,7 +67,7 @@ class Mates:
 
     def __init__(self, endpoint: str, ports: dict[str, int], stack: ExitStack) -> None:
         self.sent: list[tuple[float, str]] = []
-        self.heard: Message | None = None
+        self.heard: TeamMessage | None = None
         self._evader = "rover1"
         self._seq = 0
         self._term = 1
@@ -96,7 +96,7 @@ class Mates:
     def _run(self) -> None:
         while not self._ended.wait(EVERY_S):
             for _, key, payload in self._ends["uav0"].receive():
-                message = decode(key.partition("/")[0], payload)
+                message = read_message(key.partition("/")[0], payload)
                 if isinstance(message, StateMessage) and message.vehicle == NAME:
                     self.heard = message
             with self._lock:
@@ -107,7 +107,7 @@ class Mates:
         self._seq += 1
         role = VehicleRole(vehicle=NAME, evader=self._evader, above_m=0.0)
         made = RolesMessage(vehicle="uav0", epoch=1, seq=self._seq, term=self._term, roles=(role,))
-        self._ends["uav0"].publish(made.key, encode(made))
+        self._ends["uav0"].publish(made.key, write_message(made))
 
     def _tell_all(self) -> None:
         """Send the states and reports of a tenth of a second."""
@@ -119,12 +119,12 @@ class Mates:
                 **common, **placed(40.0, 20.0 * number - 20.0, 20.0), velocity_ned_m_s=(0.0, 0.0, 0.0), state="engaged",
                 part="playing", airborne=True, speed_m_s=6.0, climb_m_s=2.0, descent_m_s=1.5, term=self._term,
             )  # fmt: skip
-            end.publish(state.key, encode(state))
+            end.publish(state.key, write_message(state))
             for evader, position in ROVERS.items():
                 message = EvaderMessage(
                     **common, **placed(*position, 0.0), evader=evader, source="GLOBAL_POSITION_INT"
                 )
-                end.publish(message.key, encode(message))
+                end.publish(message.key, write_message(message))
         for station, position in self._rovers:
             at = placed(*position, 0.0)
             fields = [

@@ -18,7 +18,7 @@ import numpy as np
 
 from guidance.game import Ball, End, Game
 from guidance.game.team import match_teams, rollout_teams
-from guidance.game.team.orders import Foreseen, Scene, order_captures
+from guidance.game.team.capture_sequences import CaptureProblem, Foreseen, sequence_captures
 from guidance.game.team.rollout import held_m
 
 STEP_S = 0.1
@@ -75,8 +75,8 @@ def most_possible(game: Game, P, E):
     runs = Foreseen(-E / far[..., None], far)
     nobody = np.full(P.shape[:-1], -1)
     plays = np.ones((*P.shape[:-1], E.shape[-2]), dtype=bool)
-    scene = Scene(game, P, E, np.zeros(E.shape), runs, plays, nobody, nobody > 0, 0.0)
-    return order_captures(scene).captured
+    scene = CaptureProblem(game, P, E, np.zeros(E.shape), runs, plays, nobody, nobody > 0, 0.0)
+    return sequence_captures(scene).captured
 
 
 def main() -> None:

@@ -97,7 +97,7 @@ def test_the_command_waits_for_the_vehicle_that_answered(monkeypatch):
         asked.append((order, given["name"]))
         return [{"name": "uav7", "order": order, "accepted": True, "state": "standing by"}]
 
-    monkeypatch.setattr(daemon, "ask", ask)
+    monkeypatch.setattr(daemon, "ask_daemon", ask)
     done = CliRunner().invoke(app, ["ctl", "start", "--wait", "--json"])
     assert done.exit_code == 0
     assert json.loads(done.stdout)["state"] == "standing by"

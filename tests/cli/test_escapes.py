@@ -10,7 +10,7 @@ from guidance.cli.fly import LiveLine
 from guidance.cli.program import app
 from guidance.config import find
 from guidance.flight import State
-from guidance.screen import PrintableConsole, as_table, waiting
+from guidance.screen import PrintableConsole, text_table, waiting
 from guidance.session.fly.mission import Progress
 
 EVIL = "\x1b]0;owned [/bold] [red]x[/red] :smile: \u202eabc"
@@ -59,7 +59,7 @@ def test_a_message_of_the_autopilot_is_printed_as_text():
     line.show(Progress(2.0, State.YIELDED, "HOLD", None, "s", why=EVIL))
     with waiting(there, EVIL, 5.0) as tell:
         tell(EVIL)
-    there.print(as_table((EVIL, "b"), [(EVIL, Text(EVIL))], title=EVIL))
+    there.print(text_table((EVIL, "b"), [(EVIL, Text(EVIL))], title=EVIL))
     assert written.getvalue().count("\\x1b]0;owned [/bold] [red]x[/red]") >= 5
     assert "\x1b" not in written.getvalue()
     assert "\u202e" not in written.getvalue()

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.cli.program import app
-from guidance.cli.vehicle_setup import KINDS, schema_of
+from guidance.cli.vehicle_setup import SCHEMAS, schema_of
 from guidance.config import config_folder
 from guidance.errors import ConfigError
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
@@ -31,7 +31,7 @@ def test_a_schema_accepts_every_file_that_comes_along_and_no_other_key(kind, fol
         assert not validator.is_valid(document | {"colour": "red"})
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SCHEMAS)
 def test_every_key_has_a_meaning(kind):
     schema = schema_of(kind)
     sections = {schema["title"]: schema, **schema["$defs"]}

@@ -74,7 +74,7 @@ def test_every_option_reaches_the_game():
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 @pytest.mark.parametrize("chunk", [7, 65536])
 def test_a_file_of_states_is_answered_row_by_row(tmp_path, kind, chunk, monkeypatch):
-    monkeypatch.setattr(state_files, "ROWS", chunk)
+    monkeypatch.setattr(state_files, "ROWS_AT_ONCE", chunk)
     states = tmp_path / f"states.{kind}"
     out = tmp_path / "deep" / f"answers.{kind}"
     given = table(50)
@@ -118,7 +118,7 @@ def test_a_row_may_have_its_own_speed_ratio_and_its_own_fault(tmp_path):
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 @pytest.mark.parametrize("chunk", [2, 65536])
 def test_a_cell_without_a_number_costs_its_own_row_and_is_named(tmp_path, kind, chunk, monkeypatch):
-    monkeypatch.setattr(state_files, "ROWS", chunk)
+    monkeypatch.setattr(state_files, "ROWS_AT_ONCE", chunk)
     states = tmp_path / f"states.{kind}"
     out = tmp_path / f"answers.{kind}"
     rows = [

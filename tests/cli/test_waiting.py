@@ -7,7 +7,7 @@ from rich.console import Console
 
 from guidance.cli.fly import LiveLine
 from guidance.flight import State
-from guidance.screen import as_table, counted, print_as_table, waiting
+from guidance.screen import counted, print_text_table, text_table, waiting
 from guidance.session.fly.mission import Progress
 
 
@@ -55,7 +55,7 @@ def lines(table, width):
 
 
 def test_long_cells_wrap_within_their_column():
-    table = as_table(
+    table = text_table(
         ("name", "how to fix it", "value"),
         [("MPC_XY_VEL_MAX", "param set to 12", "12.5")],
         left=(0, 1),
@@ -76,7 +76,7 @@ def test_a_table_that_does_not_fit_is_printed_as_names_and_values(width):
     out = io.StringIO()
     names = (*HEADINGS, "predicted_capture_time_s")
     rows = [[*EVADERS[0], "10.250"]]
-    print_as_table(Console(file=out, width=width), names, rows, left=(0, 1, 2))
+    print_text_table(Console(file=out, width=width), names, rows, left=(0, 1, 2))
     text = out.getvalue()
     assert max(map(len, text.splitlines())) <= width
     assert all(name in text for name in names)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.control.follow import LARGEST_M_S, Drift, observe_drift
+from guidance.control.follow import LARGEST_CORRECTION_M_S, Drift, observe_drift
 from guidance.control.servo import keep_station
 from guidance.frames import Ned
 
@@ -57,7 +57,7 @@ def test_the_drift_is_bounded_whatever_is_reported(reports):
     drift = Drift()
     for position, velocity, dt_s in reports:
         drift = observe_drift(drift, Ned(position), Ned(velocity), dt_s=dt_s)
-        assert all(abs(part) <= LARGEST_M_S for part in drift.velocity_ned_m_s)
+        assert all(abs(part) <= LARGEST_CORRECTION_M_S for part in drift.velocity_ned_m_s)
 
 
 KNOWN = Drift(Ned((0.1, -0.2, 0.3)), Ned((5.0, -6.0, -20.0)))

@@ -7,7 +7,7 @@ import pytest
 
 from guidance.game import StandOff, region, solve
 from guidance.game.arrays import NUMPY
-from guidance.game.headings import bounded
+from guidance.game.headings import clipped
 
 NAMES = (
     "capture_radius", "age", "ball_standoff", "wind", "ball_everything", "cylinder_everything", "moving_target",
@@ -94,4 +94,4 @@ def test_the_bracket_finds_the_heading_from_either_end(games, oracle, monkeypatc
 
 def test_a_heading_is_kept_within_ninety_degrees():
     s = np.array([-3.0, -1.5, -1.0, -0.5, 0.0, 1.0, 1.5, 3.0])
-    np.testing.assert_array_equal(bounded(NUMPY, s), np.clip(s, -1.0, 1.0))
+    np.testing.assert_array_equal(clipped(NUMPY, s), np.clip(s, -1.0, 1.0))

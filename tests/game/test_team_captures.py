@@ -8,8 +8,14 @@ import pytest
 from guidance.errors import ConfigError
 from guidance.game import EVADER_POLICIES, Ball, Cylinder, End, Extent, Game, StandOff
 from guidance.game.team import TEAM_RULES, TeamView, match_teams, rollout_teams
+from guidance.game.team.capture_sequences import (
+    MOST,
+    CaptureProblem,
+    Foreseen,
+    lead_and_place,
+    sequence_captures,
+)
 from guidance.game.team.in_turn import way_by_a_capture
-from guidance.game.team.orders import MOST, Foreseen, Scene, lead_and_place, order_captures
 
 POINTS = Game(Ball(1.2), 1.0, capture_radius_m=1.0)
 T = np.zeros(3)
@@ -33,7 +39,7 @@ def scene_of(game, P, E, foreseen, holds=None):
     plays = np.ones((*P.shape[:-1], E.shape[-2]), dtype=bool)
     nobody = np.full(P.shape[:-1], -1)
     holds = nobody if holds is None else holds
-    return Scene(game, P, E, np.zeros(E.shape), foreseen, plays, holds, nobody > 0, 0.0)
+    return CaptureProblem(game, P, E, np.zeros(E.shape), foreseen, plays, holds, nobody > 0, 0.0)
 
 
 def captured_in_order(P, E, run, until, order, u=1.2, radius=1.0):
@@ -79,7 +85,7 @@ def most_by_all_orders(P, E, run, until):
 def test_orders_capture_as_many_as_any_assignment_in_any_order():
     P, E = states(3, 2, 4, 8)
     foreseen = straight(E)
-    orders = order_captures(scene_of(POINTS, P, E, foreseen))
+    orders = sequence_captures(scene_of(POINTS, P, E, foreseen))
     known = [
         most_by_all_orders(P[b], E[b], foreseen.run_m_s[b], foreseen.until_s[b]) for b in range(8)
     ]
@@ -112,8 +118,8 @@ def test_of_many_evaders_no_order_holds_one_twice_and_promised_ones_stay_with_th
     P, E = states(5, 3, MOST + 3, 20)
     holds = np.argmin(np.linalg.norm(E[:, None] - P[:, :, None], axis=-1), axis=-1)
     holds[:, 1:] = -1
-    orders = order_captures(scene_of(POINTS, P, E, straight(E), holds))
-    alone = order_captures(scene_of(POINTS, P[:, :1], E, straight(E), holds[:, :1]))
+    orders = sequence_captures(scene_of(POINTS, P, E, straight(E), holds))
+    alone = sequence_captures(scene_of(POINTS, P[:, :1], E, straight(E), holds[:, :1]))
     assert (orders.captured >= alone.captured).all()
     begun = [row[row >= 0].tolist() for row in orders.first]
     assert all(len(set(row)) == len(row) for row in begun)
@@ -177,7 +183,7 @@ def test_captures_are_never_fewer_than_guaranteed_nor_than_by_any_rule(evaders, 
         for half in (slice(16), slice(16, 32)):
             assert captured(team)[half].sum() >= captured(result)[half].sum()
     if callable(evaders):
-        most = order_captures(scene_of(POINTS, P, E, straight(E))).captured
+        most = sequence_captures(scene_of(POINTS, P, E, straight(E))).captured
         assert captured(team)[:16].sum() >= 0.98 * most[:16].sum()
 
 

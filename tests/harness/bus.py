@@ -6,7 +6,7 @@ from guidance.links.zenoh.credentials import NO_CREDENTIALS
 from guidance.links.zenoh.session import direct_session
 from guidance.session.orders import control_bus, control_client
 from guidance.session.orders.control_token import draw_token
-from guidance.session.orders.words import TIMEOUT_S
+from guidance.session.orders.words import REPLY_TIMEOUT_S
 
 
 class ControlBus:
@@ -22,7 +22,7 @@ class ControlBus:
         self._open.close()
 
 
-def ask(order, *, endpoint, name, timeout_s=TIMEOUT_S, **joining):
+def ask(order, *, endpoint, name, timeout_s=REPLY_TIMEOUT_S, **joining):
     """Give an order on a session of its own; more arguments as of `join_session`."""
     with control_client.join_session(endpoint, **joining) as session:
         return control_client.ask(session, order, name, endpoint=endpoint, timeout_s=timeout_s)

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common as dialect
 
 from guidance.frames import Ned
 from guidance.links.kinds import LINKS
-from guidance.links.mavlink.pymavlink_link import QUEUE_LENGTH
+from guidance.links.mavlink.pymavlink_link import MESSAGE_QUEUE_LENGTH
 from guidance.messages import (
     Command,
     CommandAck,
@@ -283,7 +283,7 @@ def test_unread_messages_are_bounded(any_rig):
             time.sleep(0.001)  # sockets have queues of their own
     time.sleep(0.15)
     got = [message for message in any_rig.link.receive() if isinstance(message, LocalPosition)]
-    assert 0 < len(got) <= QUEUE_LENGTH
+    assert 0 < len(got) <= MESSAGE_QUEUE_LENGTH
     times = [message.time_boot_s for message in got]
     assert times == sorted(times)
     any_rig.peer.local_position(9999)

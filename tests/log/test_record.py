@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 
 from guidance.flight import Inputs, State
 from guidance.log.entries import CycleEntry
-from guidance.log.writer import MAX_WAITING, McapFile, Recorder
+from guidance.log.writer import MAX_ENTRIES_WAITING, McapFile, Recorder
 
 READY = CycleEntry(0.0, State.READY, Inputs(), ())
 
@@ -47,7 +47,7 @@ def test_a_stalled_disk_drops_rows_and_never_blocks_the_loop(tmp_path, monkeypat
     recorder = Recorder(tmp_path / "record.mcap", {}, threaded=True)
     go = threading.Event()
     monkeypatch.setattr(McapFile, "add", lambda *_: go.wait(10.0))
-    for _ in range(MAX_WAITING + 100):
+    for _ in range(MAX_ENTRIES_WAITING + 100):
         recorder.cycle(READY)
     assert recorder.dropped >= 99
     go.set()

@@ -28,7 +28,7 @@ from guidance.session.observe.outputs import OUTPUTS, OutputOrder, open_outputs
 from guidance.session.open.links import open_all
 from guidance.session.open.mock import MockOptions
 from guidance.session.recorded_flight import fly_recorded
-from guidance.session.vehicle_file import SECTIONS, Config, json_schema
+from guidance.session.vehicle_file import SECTIONS, Config, vehicle_schema
 from guidance.sim.scenario import Scenario
 from guidance.strategies.own import load_policy
 from tests.harness.vehicle import document
@@ -173,7 +173,7 @@ def test_another_kind_does_not_take_its_keys(installed):
 
 
 def test_its_names_and_keys_are_in_the_schema_and_in_messages(installed):
-    schema = json.dumps(json_schema())
+    schema = json.dumps(vehicle_schema())
     for word in ("buoy", "callsign", "simulator", "fence_m", "toy", "halved", "tally", "every_s"):
         assert f'"{word}"' in schema, word
     with pytest.raises(ConfigError, match=r"evader\.kind = 'bouy': must be one of .*buoy"):

@@ -19,7 +19,7 @@ from guidance.session.orders.control_client import answers, control_key
 from guidance.session.orders.control_client import join_session as open_session
 from guidance.session.orders.mailbox import ANSWER_LIMIT_S, Mailbox
 from guidance.session.orders.socket_client import ask_here
-from guidance.session.orders.words import TIMEOUT_S
+from guidance.session.orders.words import REPLY_TIMEOUT_S
 from guidance.session.orders_section import Control
 from tests.harness.bus import ControlBus, ask
 
@@ -157,7 +157,7 @@ def test_nobody_there_is_one_clear_error(daemon, endpoint):
 
 
 def test_who_asks_waits_longer_than_the_mailbox_for_the_loop():
-    assert TIMEOUT_S > ANSWER_LIMIT_S
+    assert REPLY_TIMEOUT_S > ANSWER_LIMIT_S
     assert control_key("*", "status") == "guidance/*/ctl/status"
 
 

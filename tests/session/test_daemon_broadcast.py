@@ -13,7 +13,7 @@ import zenoh
 
 from guidance.flight import State
 from guidance.links.zenoh.session import open_session
-from guidance.log.broadcast import FLIGHT, MAX_WAITING, Broadcast, broadcast_key
+from guidance.log.broadcast import FLIGHT, MAX_BROADCASTS_WAITING, Broadcast, broadcast_key
 from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
 from guidance.log.writer import Record
 from guidance.session.orders.control_bus import free_endpoint
@@ -97,7 +97,7 @@ def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
     )
     assert len(wanted) > 100
     assert sent == wanted
-    assert broadcast.waiting <= MAX_WAITING
+    assert broadcast.waiting <= MAX_BROADCASTS_WAITING
 
 
 def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(base):
@@ -118,7 +118,7 @@ def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(b
     base = base(broadcast=broadcast)
     base.engaged().run(3.0)  # a loop that waited would never come here
     assert base.state is State.ENGAGED
-    assert broadcast.waiting == MAX_WAITING
+    assert broadcast.waiting == MAX_BROADCASTS_WAITING
     assert broadcast.dropped > 0
     never.set()
     broadcast.close()

@@ -138,7 +138,7 @@ def test_one_report_tells_the_flight_of_the_whole_team(guard, history, tmp_path,
     assert "replays bit for bit" in words
     records = {name: folder / name / "record.mcap" for name in flown.vehicles}
     told = []
-    monkeypatch.setattr(report, "team_story", lambda paths: told.append(paths) or history)
+    monkeypatch.setattr(report, "team_history", lambda paths: told.append(paths) or history)
     page, picture = report.write_team_report(records, tmp_path)
     assert told == [records]
     assert picture.name == "plan.png"

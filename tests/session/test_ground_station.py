@@ -12,9 +12,9 @@ from guidance.flight import State
 from guidance.links.mavlink.frames import ticks
 from guidance.links.mavlink.ground_link import COMPONENT_ID, address_of
 from guidance.session.observe.ground_station import (
-    ACCEPTED,
     DENIED,
-    ORDERS,
+    ORDERS_BY_COMMAND,
+    RESULT_ACCEPTED,
     SIGNED_ONLY,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
@@ -23,7 +23,7 @@ from guidance.session.vehicle_file import Config
 from tests.session.conftest import UNIX_S
 
 QGC = 255
-USER_1, USER_2, USER_3, USER_4, USER_5 = ORDERS
+USER_1, USER_2, USER_3, USER_4, USER_5 = ORDERS_BY_COMMAND
 STATIONS = [QGC, 254]
 KEY = bytes(range(32))
 
@@ -103,7 +103,7 @@ def test_a_station_that_may_order_ends_a_game_and_begins_none_without_signing(ba
     assert Station(base, system_id=253).order(USER_1) == []
     station.send(USER_1, component_id=190)
     assert base.run(0.2).state is State.ENGAGED
-    assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
+    assert station.order(USER_1) == [RESULT_ACCEPTED, RESULT_ACCEPTED]
     assert base.state is State.HOLDING
     base.run(1.0)
     assert station.texts[-1] == "guidance: held by operator"
@@ -117,7 +117,7 @@ def test_over_a_signed_link_a_station_starts_and_engages_and_unsigned_orders_are
     assert Station(base).order(USER_1) == []
     station = Station(base, key=KEY)
     assert station.order(USER_5) == [TEMPORARILY_REJECTED, TEMPORARILY_REJECTED]
-    assert station.order(USER_4) == [ACCEPTED, ACCEPTED]
+    assert station.order(USER_4) == [RESULT_ACCEPTED, RESULT_ACCEPTED]
     assert base.until(State.CLIMBING).ground[0].counters()["unsigned"] == 2
 
 
@@ -132,14 +132,14 @@ def test_a_hold_that_is_pressed_again_after_somebody_engaged_holds_though_it_cal
     """Catches a HOLD that is answered and not obeyed."""
     base = base.engaged(stations=STATIONS)
     station = Station(base)
-    assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
+    assert station.order(USER_1) == [RESULT_ACCEPTED, RESULT_ACCEPTED]
     base.run(2.0)
     assert base.order("engage")["accepted"]
     base.until(State.ENGAGED)
     heard = len(station.heard("COMMAND_ACK"))
     station.send(USER_1, confirmation=1)
     base.run(0.2)
-    assert results(station, heard) == [ACCEPTED]
+    assert results(station, heard) == [RESULT_ACCEPTED]
     assert base.state is State.HOLDING
 
 
@@ -164,7 +164,7 @@ def test_a_repeated_start_or_engagement_does_not_begin_again_what_a_person_ended
 def test_an_order_is_repeated_by_the_same_sender_with_the_same_parameters_only(base):
     base = base.engaged(stations=STATIONS)
     station = Station(base)
-    assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
+    assert station.order(USER_1) == [RESULT_ACCEPTED, RESULT_ACCEPTED]
     station.send(USER_1, confirmation=1, parameter=float("nan"))
     Station(base, system_id=254).send(USER_1, confirmation=1)
     base.run(0.2)
@@ -176,7 +176,7 @@ def test_after_a_reset_a_repeated_hold_is_not_said_to_be_in_force(base):
     """Catches a repeat that is answered with the verdict of an earlier flight."""
     base = base.standing_by(stations=STATIONS)
     station = Station(base)
-    assert station.order(USER_3) == [ACCEPTED, ACCEPTED]
+    assert station.order(USER_3) == [RESULT_ACCEPTED, RESULT_ACCEPTED]
     base.until(State.LANDED)
     assert base.order("reset")["accepted"]
     heard = len(station.heard("COMMAND_ACK"))
@@ -214,10 +214,12 @@ def test_the_custom_actions_of_qgroundcontrol_are_the_orders():
     document = json.loads(path.read_text(encoding="utf-8"))
     assert (document["version"], document["fileType"]) == (1, "MavlinkActions")
     labels = {action["mavCmd"]: action["label"] for action in document["actions"]}
-    assert labels == {command: f"Guidance: {order}" for command, order in ORDERS.items()}
+    assert labels == {command: f"Guidance: {order}" for command, order in ORDERS_BY_COMMAND.items()}
     assert {action["compId"] for action in document["actions"]} == {COMPONENT_ID}
     for action in document["actions"]:
-        assert ("signed" in action["description"]) == (ORDERS[action["mavCmd"]] in SIGNED_ONLY)
+        assert ("signed" in action["description"]) == (
+            ORDERS_BY_COMMAND[action["mavCmd"]] in SIGNED_ONLY
+        )
 
 
 def test_the_vehicle_is_no_ground_station(vehicle_document):

@@ -55,7 +55,7 @@ def test_scheduling_that_is_not_permitted_and_a_late_clock_are_told(monkeypatch)
         raise PermissionError
 
     monkeypatch.setattr(os, "sched_setscheduler", refused)
-    monkeypatch.setattr(checkup, "LATE_S", -1.0)
+    monkeypatch.setattr(checkup, "LATE_CYCLE_S", -1.0)
     found = rows()
     assert (
         found["scheduling"].verdict,

@@ -4,7 +4,7 @@ import logging
 import threading
 
 from guidance.flight import State
-from guidance.session.observe.log import MOST_WAITING, Log
+from guidance.session.observe.log import MOST_LINES_WAITING, Log
 
 
 def test_json_lines_carry_the_fields_as_they_are(text_log):
@@ -56,7 +56,7 @@ def test_a_terminal_that_stands_still_costs_lines_and_never_the_loop(monkeypatch
     monkeypatch.setenv("TERM", "xterm")
     stream = StandingStill()
     log = Log("console", "info", stream)
-    for _ in range(MOST_WAITING + 50):
+    for _ in range(MOST_LINES_WAITING + 50):
         log.say(logging.INFO, "on and on", {})
         log.show("on and on")
     assert log.dropped >= 49

@@ -9,7 +9,12 @@ from guidance.clock import MonotonicClock, VirtualClock
 from guidance.errors import ConfigError
 from guidance.log.replay import compare
 from guidance.session.flight_files import RECORD, recorded_settings
-from guidance.session.fly.own_policy import LONGEST_S, PolicyThread, TimedPolicy, require_policies
+from guidance.session.fly.own_policy import (
+    LONGEST_ANSWER_S,
+    PolicyThread,
+    TimedPolicy,
+    require_policies,
+)
 from guidance.session.open.mock import MockOptions
 from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.scenario_file import load_scenario, with_policies
@@ -74,9 +79,9 @@ def test_an_answer_that_took_longer_than_a_cycle_is_none():
 
     own.register("tests.slow:policy", slow)
     ask = TimedPolicy("tests.slow:policy", clock)
-    pause_s = 0.9 * LONGEST_S
+    pause_s = 0.9 * LONGEST_ANSWER_S
     assert ask(OBSERVATION) == (0.6, 0.8, 0.0)
-    pause_s = 1.1 * LONGEST_S
+    pause_s = 1.1 * LONGEST_ANSWER_S
     assert "took 22 ms; a cycle has 20 ms" in ask(OBSERVATION)
 
 

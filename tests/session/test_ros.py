@@ -21,10 +21,10 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links.evaders.zenoh import open_source
 from guidance.links.zenoh import ros_types
 from guidance.log import cycles_of, metadata_of
-from guidance.log.ros import ODOMETRY, TOPICS, RosFlight, topic_name
+from guidance.log.ros import ODOMETRY_TOPIC, TOPICS, RosFlight, topic_name
 from guidance.session.flight_files import recorded_settings
 from guidance.session.observe.outputs import OutputOrder, open_outputs
-from guidance.session.observe.ros import MOST_WAITING, ORDERS, RosOutput, open_ros
+from guidance.session.observe.ros import MOST_TOPICS_WAITING, ORDER_SERVICES, RosOutput, open_ros
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Config
 from tests.harness.ros_client import TRIGGER, hash_of, ros_client, service_hash
@@ -80,8 +80,8 @@ def test_a_late_subscriber_hears_every_topic_as_the_record_has_it(graph, short_f
 
         def told(part, wanted):
             """Tell the output of some cycles, and wait until all that it publishes of them was heard."""
-            for begin in range(0, len(part), MOST_WAITING // 8):
-                some = part[begin : begin + MOST_WAITING // 8]
+            for begin in range(0, len(part), MOST_TOPICS_WAITING // 8):
+                some = part[begin : begin + MOST_TOPICS_WAITING // 8]
                 due = len(heard)
                 for entry in some:
                     sink.cycle(entry)
@@ -107,7 +107,7 @@ def test_the_graph_lists_node_topics_and_services_with_the_types_and_hashes_of_r
     """Catches a type or hash that ROS would not match."""
     opened, client = graph
     with output(opened.port, short_flight[1], orders=True) as sink:
-        assert until(lambda: len(tokens(opened, "SS")) == len(ORDERS))
+        assert until(lambda: len(tokens(opened, "SS")) == len(ORDER_SERVICES))
         listed = dict(get_topic_names_and_types(**client.at))
         for topic in TOPICS:
             name = topic_name(NAME, topic)
@@ -117,7 +117,7 @@ def test_the_graph_lists_node_topics_and_services_with_the_types_and_hashes_of_r
             assert one.type_hash == hash_of(topic.type_name)
             assert one.qos in {"::,10:,:,:,,", "::,100:,:,:,,"}
         services = dict(get_service_names_and_types(**client.at))
-        assert services == {f"/{NAME}/{order}": [TRIGGER] for order in ORDERS}
+        assert services == {f"/{NAME}/{order}": [TRIGGER] for order in ORDER_SERVICES}
         nodes = [token for token in tokens(opened, "NN") if token.endswith("/guidance")]
         assert [node.split("/0/0/")[1] for node in nodes] == [f"NN/%/%{NAME}/guidance"]
         _attachments(opened, short_flight[1], sink)
@@ -127,10 +127,10 @@ def test_the_graph_lists_node_topics_and_services_with_the_types_and_hashes_of_r
 def _attachments(opened, record, sink):
     """Numbers count up from one; time is the flight's; the identity is the hash of the publisher's token."""
     heard = []
-    key = f"{DOMAIN}/{NAME}/odometry/nav_msgs::msg::dds_::Odometry_/{hash_of(ros_types.ODOMETRY)}"
+    key = f"{DOMAIN}/{NAME}/odometry/nav_msgs::msg::dds_::Odometry_/{hash_of(ros_types.ODOMETRY_TYPE)}"
     subscriber = opened.session.declare_subscriber(key, heard.append)
-    assert until(lambda: ODOMETRY in sink.wanted)
-    entries = list(cycles_of(record))[: MOST_WAITING - 1]
+    assert until(lambda: ODOMETRY_TOPIC in sink.wanted)
+    entries = list(cycles_of(record))[: MOST_TOPICS_WAITING - 1]
     for entry in entries:
         sink.cycle(entry)
     assert until(lambda: sink.waiting == 0 and len(heard) >= 15)
@@ -164,7 +164,7 @@ def test_services_do_and_refuse_what_guidance_ctl_does_and_are_off_by_default(gr
 
     config = config_of(opened.port, orders=True)
     with closing(open_ros("uav1", metadata, one.clock, one.mailbox, config.ros)):
-        assert until(lambda: len(tokens(opened, "SS")) == len(ORDERS))
+        assert until(lambda: len(tokens(opened, "SS")) == len(ORDER_SERVICES))
         assert called("engage").success
         one.until(State.ENGAGED)
         held = called("hold")
@@ -194,7 +194,7 @@ def test_requests_that_are_none_are_dropped(graph, short_flight):
     mailbox.meanwhile = lambda order: asked.append(order) or {"accepted": False, "reason": "no"}
     key = f"{DOMAIN}/{NAME}/hold/std_srvs::srv::dds_::Trigger_/{ros_types.TRIGGER_HASH}"
     with output(opened.port, short_flight[1], mailbox, orders=True):
-        assert until(lambda: len(tokens(opened, "SS")) == len(ORDERS))
+        assert until(lambda: len(tokens(opened, "SS")) == len(ORDER_SERVICES))
         for attachment in (None, b"", bytes(32), struct.pack("<qqB16s", 1, 1, 15, bytes(16))):
             replies = opened.session.get(key, timeout=1.0, attachment=attachment)
             assert [reply.ok for reply in replies] == []
@@ -210,7 +210,7 @@ def test_what_the_sdk_publishes_is_read_by_our_evader_sources(graph):
     frame = LocalFrame(HERE[0], HERE[1], Amsl(HERE[2]))
     for kind, type_name in (
         ("ros_pose", ros_types.POSE_STAMPED),
-        ("ros_odometry", ros_types.ODOMETRY),
+        ("ros_odometry", ros_types.ODOMETRY_TYPE),
     ):
         url = f"zenoh://127.0.0.1:{opened.port}/evader/{kind}"
         publisher = client.publisher(f"/evader/{kind}", type_name)
@@ -262,7 +262,7 @@ def test_the_hashes_of_the_independent_sdk_are_those_in_rmw_zenohs_documentation
 def test_a_router_that_comes_late_and_one_that_restarts_are_joined(short_flight, monkeypatch):
     monkeypatch.setattr("guidance.session.observe.ros.RETRY_S", 0.1)
     port = free_port()
-    entries = list(islice(cycles_of(short_flight[1]), MOST_WAITING))
+    entries = list(islice(cycles_of(short_flight[1]), MOST_TOPICS_WAITING))
     later_s = count(entries[-1].now_s, 0.04)
     with output(port, short_flight[1]) as sink:
         for entry in entries:

@@ -11,12 +11,12 @@ import pytest
 from guidance.config import config_folder
 from guidance.session.fly.result import outcome_of_flight
 from guidance.sim.maths import play_scenarios
-from guidance.sim.scenario_file import FOLDER, load_any, load_scenario
+from guidance.sim.scenario_file import SCENARIO_FOLDER, load_any, load_scenario
 from guidance.sim.teams import TeamScenario, play_teams, summary_of
 from tests.harness.flights import flown
 from tests.harness.silences import silences
 
-EVERY = sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
+EVERY = sorted(path.stem for path in (config_folder() / SCENARIO_FOLDER).glob("*.toml"))
 TEAMS = [name for name in EVERY if isinstance(load_any(name)[1], TeamScenario)]
 NAMES = [name for name in EVERY if name not in TEAMS]
 GUIDANCE = Path(sys.executable).parent / "guidance"

@@ -14,7 +14,7 @@ from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE
 from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario import Scenario
-from guidance.sim.scenario_file import json_schema, load_document, load_scenario, read_track
+from guidance.sim.scenario_file import load_document, load_scenario, read_track, scenario_schema
 
 DATA = Path(__file__).parents[1] / "data"
 SHORT = tomllib.loads((DATA / "short_chase.toml").read_text())
@@ -224,7 +224,7 @@ def test_a_file_that_is_no_track_is_named_with_what_is_needed(tmp_path, name, te
 
 
 def test_the_published_schema_is_valid_and_accepts_every_scenario_that_comes_along():
-    schema = json_schema()
+    schema = scenario_schema()
     validator = jsonschema.Draft202012Validator(schema)
     jsonschema.Draft202012Validator.check_schema(schema)
     for path in sorted((config_folder() / "scenarios").glob("*.toml")):
@@ -250,7 +250,7 @@ def test_every_length_time_speed_and_angle_of_the_schema_says_its_unit():
         "policy",
         "hysteresis",
     }
-    for section in [json_schema(), *json_schema()["$defs"].values()]:
+    for section in [scenario_schema(), *scenario_schema()["$defs"].values()]:
         for key, value in section.get("properties", {}).items():
             if (
                 '"number"' in json.dumps(value)

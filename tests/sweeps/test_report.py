@@ -14,7 +14,7 @@ from guidance.sim.scenario_file import load_scenario
 from guidance.sweeps import report
 from guidance.sweeps.drawing import key_label
 from guidance.sweeps.folder import begin_or_continue, read_folder
-from guidance.sweeps.report import QUANTILES, write_report
+from guidance.sweeps.report import QUANTILES, write_sweep_report
 from guidance.sweeps.running import finish
 
 
@@ -54,7 +54,7 @@ def report_of(tmp_path, undrawn):
     """Writes the report of a folder, without pictures, and reads it."""
 
     def make(folder, worst=2):
-        write_report(folder.path, tmp_path / "report", worst=worst)
+        write_sweep_report(folder.path, tmp_path / "report", worst=worst)
         return json.loads((tmp_path / "report" / "report.json").read_text())
 
     return make

@@ -11,7 +11,7 @@ from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import play_teams, summary_of
 from guidance.sweeps.compare import compare_sweeps
 from guidance.sweeps.folder import begin_or_continue, read_folder
-from guidance.sweeps.report import write_report
+from guidance.sweeps.report import write_sweep_report
 from guidance.sweeps.rows import planned, scenarios_of
 from guidance.sweeps.running import finish
 
@@ -117,7 +117,7 @@ def test_the_report_counts_evaders_and_writes_the_worst_as_scenarios_of_teams(sw
     text = SWEEP.replace("seeds = 2", "seeds = 1")
     plan = swept(text + '[[policies]]\npursuer = ["optimal", "pure_pursuit"]\n')
     run(plan, tmp_path / "out", rows=16)
-    files = write_report(tmp_path / "out", tmp_path / "report", worst=1)
+    files = write_sweep_report(tmp_path / "out", tmp_path / "report", worst=1)
     report = json.loads((tmp_path / "report" / "report.json").read_text())
     assert report["rows"] == 2 * report["rows_planned"] == 16
     assert report["unit"] == "m"

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.team.board import Board
-from guidance.team.messages import RefusedMessage, RolesMessage, encode
+from guidance.team.messages import RefusedMessage, RolesMessage, write_message
 from tests.harness.examples import drawn
 from tests.team.virtual_team import SITE, state_of
 
@@ -21,7 +21,7 @@ def board():
 
 
 def tell(board, arrived_s, message, key=None):
-    return board.hear(arrived_s, key or message.key, encode(message))
+    return board.hear(arrived_s, key or message.key, write_message(message))
 
 
 @given(
@@ -39,7 +39,7 @@ def test_no_bytes_under_any_key_raise_or_are_used(key, payload):
 @given(st.data())
 def test_a_message_with_any_field_replaced_is_used_whole_or_refused(data):
     """Catches a mate's message of which a part is used and another part refused."""
-    plain = json.loads(encode(state_of("bravo", (10.0, 5.0, -12.0))))
+    plain = json.loads(write_message(state_of("bravo", (10.0, 5.0, -12.0))))
     name = data.draw(st.sampled_from([*plain, "extra"]))
     values = (
         st.none()

@@ -9,7 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.team.board import MOST_TERMS, Board
-from guidance.team.messages import MOST_BYTES, RefusedMessage, RolesMessage, decode, encode
+from guidance.team.messages import (
+    MOST_BYTES,
+    RefusedMessage,
+    RolesMessage,
+    read_message,
+    write_message,
+)
 from guidance.team.senders import ALONE_AFTER_S, MOST_EPOCHS, STEADY, TAKES_OVER_S, Sender
 from tests.team.virtual_team import SITE, VirtualTeam, state_of
 
@@ -20,7 +26,7 @@ FORGED_M = (500.0, 0.0, -10.0)
 
 
 def tell(board, at_s, message):
-    return board.hear(at_s, message.key, encode(message))
+    return board.hear(at_s, message.key, write_message(message))
 
 
 def board():
@@ -175,10 +181,10 @@ def test_a_term_beyond_all_elections_is_refused_and_ends_no_coordinator(term):
     for name in ("alpha", "bravo"):
         here = team.points[name].board
         forged = RolesMessage(vehicle="charlie", epoch=1, seq=1, term=term, roles=())
-        here.hear(team.clock.now_s(), "roles/charlie", encode(forged))
+        here.hear(team.clock.now_s(), "roles/charlie", write_message(forged))
         seq = here.mates["charlie"].senders["state/charlie"].current.number + 1
         state = state_of("charlie", TRUE_M, seq=seq, sent_s=0.0, term=term)
-        here.hear(team.clock.now_s(), "state/charlie", encode(state))
+        here.hear(team.clock.now_s(), "state/charlie", write_message(state))
         assert here.term < MOST_TERMS
         assert here.counts["refused_term"] == 1
     team.points["charlie"].killed = True
@@ -193,7 +199,7 @@ def test_a_term_beyond_all_elections_is_refused_and_ends_no_coordinator(term):
 def test_no_time_of_a_sender_makes_a_doubt_nan(sent_s):
     here = board()
     tell(here, 1.0, state_of("bravo", TRUE_M, seq=1, sent_s=1.0))
-    plain = json.loads(encode(state_of("bravo", TRUE_M, seq=2))) | {"sent_s": sent_s}
+    plain = json.loads(write_message(state_of("bravo", TRUE_M, seq=2))) | {"sent_s": sent_s}
     here.hear(1.1, "state/bravo", json.dumps(plain).encode())
     state = tell(here, 1.2, state_of("bravo", TRUE_M, seq=3, sent_s=1.2))
     assert math.isfinite(state.doubt_m)
@@ -216,9 +222,9 @@ def test_a_message_of_many_unknown_keys_costs_little():
     begun_s = time.process_time()
     for _ in range(100):
         with pytest.raises(RefusedMessage):
-            decode("state", payload)
+            read_message("state", payload)
     many_s = time.process_time() - begun_s
     begun_s = time.process_time()
     for _ in range(100):
-        decode("state", encode(state_of("bravo", TRUE_M)))
+        read_message("state", write_message(state_of("bravo", TRUE_M)))
     assert many_s < 20.0 * (time.process_time() - begun_s)

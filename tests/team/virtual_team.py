@@ -7,7 +7,7 @@ from guidance.frames import Amsl, Enu, LocalFrame, Ned
 from guidance.game import Cylinder, Game, StandOff
 from guidance.team.board import Board
 from guidance.team.coordinator import Coordinator, CoordinatorView, EvaderSeen
-from guidance.team.messages import RolesMessage, StateMessage, encode
+from guidance.team.messages import RolesMessage, StateMessage, write_message
 from tests.team.lossy import LossyNetwork
 
 SITE = LocalFrame(47.4, 8.5, Amsl(488.0))
@@ -70,13 +70,13 @@ class Point:
                 over=tuple(self.board.over),
             )
             self.board.own = state
-            self.transport.publish(state.key, encode(state))
+            self.transport.publish(state.key, write_message(state))
         alive = self.board.alive(now_s)
         if self.board.own is not None and self.coordinator.elect(now_s, alive):
             made = self.coordinator.assign(now_s, self.scene(alive, evaders, target_m))
             if made is not None:
                 self.made.append(made)
-                self.transport.publish(made.key, encode(made))
+                self.transport.publish(made.key, write_message(made))
 
     def scene(self, alive, evaders, target_m):
         """The players as this vehicle knows them."""

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from guidance.errors import ConfigError, OutputError
-from guidance.log.scene import circle, lifted
+from guidance.log.scene import circle_points, lifted
 from guidance.sim.batch import stack
 from guidance.sweeps.drawing import titled_figure
 from guidance.viz.figures import (
@@ -22,7 +22,7 @@ from guidance.viz.figures import (
 )
 from tests.harness.flights import NEAR
 
-IN_VIEW, FAR = (lifted(circle((0.0, 0.0, 0.0), radius_m), 0.0) for radius_m in (8.0, 300.0))
+IN_VIEW, FAR = (lifted(circle_points((0.0, 0.0, 0.0), radius_m), 0.0) for radius_m in (8.0, 300.0))
 
 
 @pytest.mark.parametrize(

@@ -519,7 +519,7 @@ async def test_a_connection_that_does_not_log_in_is_closed_at_the_deadline(opene
 
 
 async def test_idle_connections_are_capped_and_keep_no_page_out(opened, monkeypatch, certificate):
-    monkeypatch.setattr(accesses, "MAX_CONNECTIONS", 8)
+    monkeypatch.setattr(accesses, "MAX_OPEN_CONNECTIONS", 8)
     files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
     # Over TLS, an idle one is in the handshake
     for security in (

@@ -15,7 +15,7 @@ from guidance.game.records import is_zero
 from guidance.game.rows import fitting, for_rows, simplified
 from guidance.game.speed_sets import SpeedSet
 
-Answer = TypeVar("Answer", bound=Any)
+_Outcome = TypeVar("_Outcome", bound=Any)
 
 TeamGames: TypeAlias = "Game | Sequence[Game] | Sequence[Sequence[Game | None]]"
 """One game for all, or lists with one for each pursuer or pair; None where two do not play."""
@@ -174,7 +174,7 @@ def in_play_of(mask: ArrayLike | None, m: int) -> Array:
     return present.astype(bool)
 
 
-def judged(answer: Answer, fault: Array, fault_words: Callable[[], str]) -> Answer:
+def judged(answer: _Outcome, fault: Array, fault_words: Callable[[], str]) -> _Outcome:
     """Return an answer with nothing in the rows that have a fault, or refuse a single state that has one.
 
     Nothing is NaN, −1 for numbers of players, and 0 for other whole numbers.
@@ -199,4 +199,4 @@ def judged(answer: Answer, fault: Array, fault_words: Callable[[], str]) -> Answ
             lost if name == "reason" else nothing.get(name, np.nan if part.dtype.kind == "f" else 0)
         )
         parts[name] = np.where(lost == 0, part, np.asarray(empty, dtype=part.dtype))
-    return cast("Answer", answer._replace(**parts))
+    return cast("_Outcome", answer._replace(**parts))

@@ -16,30 +16,30 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from guidance.game.arrays import Array
-from guidance.game.game import STILL, Game
+from guidance.game.game import NO_WIND, Game
 from guidance.game.policies import PURSUER_POLICIES
 from guidance.game.rows import for_rows
-from guidance.game.team.in_turn import parallel_policy
-from guidance.game.team.matching import Matching
-from guidance.game.team.orders import (
+from guidance.game.team.capture_sequences import (
+    CaptureProblem,
     Foreseen,
-    Scene,
     arrivals,
     evader_speeds,
     foresee_runs,
     guards,
-    order_captures,
+    sequence_captures,
 )
+from guidance.game.team.in_turn import parallel_policy
+from guidance.game.team.matching import Matching
 from guidance.game.team.rules import TeamView, chase
 from guidance.game.team.table import place_of, taken
 
-STEPS: Final = 10
+_STEPS: Final = 10
 """Steps after which the orders are made anew, if no evader's game has ended before."""
 
 SHOWN: Final = 0.25
 """Time over which an evader's velocity is averaged, as a share of the time that it needs to its target."""
 
-SPARE_STEPS: Final = 2.0
+_SPARE_STEPS: Final = 2.0
 """Steps by which a promised capture has to hold, because velocities are held.
 
 With a margin of two steps the value of the game is at least 2 u step / (u/v + 1): the pursuer could fly to the target,
@@ -63,7 +63,7 @@ class Intent(NamedTuple):
     steps: int
 
 
-class Course(NamedTuple):
+class Chase(NamedTuple):
     """Velocities of the pursuers, (..., n, 3), m/s, and whom they chase, (..., n)."""
 
     velocity_m_s: Array
@@ -81,14 +81,14 @@ def first_intent(view: TeamView) -> Intent:
     return Intent(share[..., None] * to, nobody, np.zeros(view.in_play.shape, dtype=bool), 0)
 
 
-def play_orders(  # noqa: PLR0914
+def play_sequences(  # noqa: PLR0914
     view: TeamView,
     plays: Array,
     matching: Matching,
     intent: Intent,
     step_s: float,
     spends: Array,
-) -> tuple[Course, Intent]:
+) -> tuple[Chase, Intent]:
     """Return how the pursuers fly in a step, and what they intend then.
 
     Args:
@@ -110,11 +110,11 @@ def play_orders(  # noqa: PLR0914
     holds = holders(matching, view.pursuers_m.shape[-2])
     bound = spends & (holds >= 0) & (matching.then >= 0)
     first = intent.first
-    due = (intent.in_play != view.in_play).any(axis=-1) | (intent.steps % STEPS == 0)
+    due = (intent.in_play != view.in_play).any(axis=-1) | (intent.steps % _STEPS == 0)
     if due.any():
         first = first.copy()
         rows: Any = np.nonzero(due) if due.ndim else (None,)
-        scene = Scene(
+        scene = CaptureProblem(
             game=for_rows(game, lambda value: value[rows]),
             pursuers_m=view.pursuers_m[rows],
             evaders_m=view.evaders_m[rows],
@@ -123,14 +123,14 @@ def play_orders(  # noqa: PLR0914
             plays=(plays & view.in_play[..., None, :])[rows],
             holds=np.where(spends, holds, -1)[rows],
             bound=bound[rows],
-            spare_s=SPARE_STEPS * step_s,
+            spare_s=_SPARE_STEPS * step_s,
         )
-        first[rows] = order_captures(scene).first
+        first[rows] = sequence_captures(scene).first
     evader_of = np.where(first >= 0, first, matching.evader_of)
     foreseen_view = view._replace(evader_velocity_m_s=foreseen.run_m_s)
     to_order_m_s = chase(foreseen_view, evader_of, PURSUER_POLICIES["lead_pursuit"])
     free = holds < 0
-    if spends.any() and game.target_extent.is_point and game.target_velocity_m_s == STILL:
+    if spends.any() and game.target_extent.is_point and game.target_velocity_m_s == NO_WIND:
         free |= spends & _still_holds(view, holds, view.pursuers_m + step_s * to_order_m_s, step_s)
     goes = (first >= 0) & free & ~bound
     evader_of = np.where(goes | (holds < 0), evader_of, holds)
@@ -140,7 +140,7 @@ def play_orders(  # noqa: PLR0914
         seen_view = view._replace(evader_velocity_m_s=run_m_s)
         parallel_m_s = chase(seen_view, np.maximum(holds, 0), parallel_policy)
         velocity_m_s = np.where(bound[..., None], parallel_m_s, velocity_m_s)
-    return Course(velocity_m_s, evader_of), Intent(shown_m_s, first, view.in_play, intent.steps + 1)
+    return Chase(velocity_m_s, evader_of), Intent(shown_m_s, first, view.in_play, intent.steps + 1)
 
 
 def holders(matching: Matching, n: int) -> Array:
@@ -156,4 +156,4 @@ def _still_holds(view: TeamView, holds: Array, after_m: Array, step_s: float) ->
     games: Game = for_rows(view.game, lambda value: taken(value, holds))
     arrival_s = arrivals(view.game, view.evaders_m, T)[at]
     guard_s = guards(games, after_m, T[at])
-    return np.asarray(arrival_s - step_s - guard_s > SPARE_STEPS * step_s)
+    return np.asarray(arrival_s - step_s - guard_s > _SPARE_STEPS * step_s)

@@ -15,21 +15,21 @@ import numpy as np
 from guidance.game import pe
 from guidance.game.arrays import NUMPY, Array, Plane, components, cross2, dot2, mapped, plus2
 from guidance.game.extent import Extent, to_set
-from guidance.game.game import STILL, Game
+from guidance.game.game import NO_WIND, Game
 from guidance.game.meeting_times import catch_in_ball
 from guidance.game.pe import Geometry
 from guidance.game.tad import guard_time
 
-TRIED = 65
+_TRIED = 65
 """Points of a piece that are tried first."""
 
-MINIMA = 4
+_MINIMA = 4
 """Lowest minima among these points that are followed; the margin of a team has kinks and several minima."""
 
-CLOSER = 33
+_CLOSER = 33
 """Points between both neighbours of the best one, in each further round."""
 
-ROUNDS = 7
+_ROUNDS = 7
 """Rounds: the point is found to 1e-10 of its piece, and the least margin as exactly if it is a kink."""
 
 ON_THE_LINE = 1e-9
@@ -76,7 +76,7 @@ class Pieces(NamedTuple):
         return x + self.radius * np.cos(angle), y + self.radius * np.sin(angle)
 
 
-def most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Danger:
+def team_most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Danger:
     """Return the point of the target's set where a team's margin is least.
 
     Args:
@@ -104,18 +104,18 @@ def most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Danger:
 
 def _least(game: Game, state: Geometry, to_target: Plane, pieces: Pieces) -> Plane:
     """Return the point of some pieces with the least margin, from the target's position, m."""
-    angle, step = _points_between(pieces.low, pieces.high, TRIED)
+    angle, step = _points_between(pieces.low, pieces.high, _TRIED)
     margin = _margins(game, state, plus2(to_target, 1.0, pieces.at(angle)))
     minima = _lowest_minima(margin)
     middle = np.take_along_axis(_joined(angle), minima, axis=0)[:, None]
-    number = minima // TRIED
+    number = minima // _TRIED
     # Each minimum is followed on its piece
     pieces = mapped(lambda part: np.take_along_axis(part[:, 0], number, axis=0)[:, None], pieces)
     step = np.take_along_axis(step[:, 0], number, axis=0)[:, None]
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         low = np.maximum(middle - step, pieces.low)
         high = np.minimum(middle + step, pieces.high)
-        angle, step = _points_between(low, high, CLOSER)
+        angle, step = _points_between(low, high, _CLOSER)
         margin = _margins(game, state, plus2(to_target, 1.0, pieces.at(angle)))
         best = np.argmin(margin, axis=1)[:, None]
         middle = np.take_along_axis(angle, best, axis=1)
@@ -135,7 +135,7 @@ def _lowest_minima(margin: Array) -> Array:
     is_minimum = (margin <= before) & (margin <= after)
     lowest = np.where(is_minimum, margin, np.inf)
     order = np.argsort(_joined(lowest), axis=0)
-    return order[:MINIMA]
+    return order[:_MINIMA]
 
 
 def _joined(array: Array) -> Array:
@@ -163,7 +163,7 @@ def _margins(game: Game, state: Geometry, heading: Plane) -> Array:
     x, y = (np.asarray(part)[..., None] for part in heading)
     v = game.evader_speed_m_s
     adrift = game.target_velocity_m_s
-    if adrift == STILL:
+    if adrift == NO_WIND:
         arrival = NUMPY.norm2((x, y)) / v
         goal = (x, y)
     else:

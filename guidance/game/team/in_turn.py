@@ -27,21 +27,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.game.arrays import Array
-from guidance.game.game import STILL, Game
+from guidance.game.game import NO_WIND, Game
 from guidance.game.policies import Known
 from guidance.game.records import is_zero
 
-TRIED: Final = 48
+_TRIED: Final = 48
 """Points of the disc's edge that are tried; the longest way has at most two maxima along it."""
 
-CLOSER: Final = 9
-ROUNDS: Final = 5
+_CLOSER: Final = 9
+_ROUNDS: Final = 5
 """Points around each of the two best ones in each further round, and rounds: the way is found to 1e-8 of the disc."""
 
 
 def can_be_in_turn(game: Game) -> bool:
     """Return whether the bound holds for a game."""
-    is_point = game.target_extent.is_point and game.target_velocity_m_s == STILL
+    is_point = game.target_extent.is_point and game.target_velocity_m_s == NO_WIND
     free = game.calm and is_zero(game.standoff.radius_m)
     return is_point and free and game.pursuer.isotropic
 
@@ -86,18 +86,18 @@ def way_by_a_capture(  # noqa: PLR0914
         return np.sqrt(out) + np.sqrt(back_x**2 + back_y**2 + moved[..., None, 2] ** 2)
 
     shape = np.broadcast_shapes(radius.shape, to_target.shape[:-1])
-    angle = np.broadcast_to(np.arange(TRIED) * (2.0 * np.pi / TRIED), (*shape, TRIED))
+    angle = np.broadcast_to(np.arange(_TRIED) * (2.0 * np.pi / _TRIED), (*shape, _TRIED))
     ways = way(angle)
     is_maximum = (ways >= np.roll(ways, 1, axis=-1)) & (ways >= np.roll(ways, -1, axis=-1))
     best = np.argsort(np.where(is_maximum, -ways, 0.0), axis=-1)[..., :2]
     middle = np.take_along_axis(angle, best, axis=-1)
-    step = 2.0 * np.pi / TRIED
-    shares = np.linspace(-1.0, 1.0, CLOSER)
-    for _ in range(ROUNDS):
+    step = 2.0 * np.pi / _TRIED
+    shares = np.linspace(-1.0, 1.0, _CLOSER)
+    for _ in range(_ROUNDS):
         near = middle[..., None] + step * shares
-        ways = way(near.reshape(*shape, 2 * CLOSER)).reshape(near.shape)
+        ways = way(near.reshape(*shape, 2 * _CLOSER)).reshape(near.shape)
         middle = np.take_along_axis(near, np.argmax(ways, axis=-1)[..., None], axis=-1)[..., 0]
-        step *= 2.0 / (CLOSER - 1)
+        step *= 2.0 / (_CLOSER - 1)
     longest = ways.max(axis=(-2, -1))
     to_own = own - E
     guarded = np.sqrt(np.sum((to_own + moved - w) ** 2, axis=-1))

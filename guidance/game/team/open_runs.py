@@ -12,7 +12,7 @@ of pursuers. Its length is found by bisection, so it is never missed.
 import numpy as np
 
 from guidance.game.arrays import NUMPY, Array
-from guidance.game.team.regions import Point, Regions
+from guidance.game.team.regions import PlaneArrays, Regions
 
 DOUBLINGS = 60
 """Most doublings of the length; no longest run is so much longer than one that was found."""
@@ -27,7 +27,7 @@ def leaves_open(regions: Regions, length: Array) -> Array:
     return np.asarray(gap.max(axis=-1) > 0.0)
 
 
-def longest_open(regions: Regions, least: Array) -> tuple[Point, Array, Array]:
+def longest_open(regions: Regions, least: Array) -> tuple[PlaneArrays, Array, Array]:
     """Return the end of the longest run, (...), m, and the numbers of the two pursuers that close its heading, (...).
 
     Args:

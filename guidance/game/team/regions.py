@@ -26,13 +26,13 @@ from guidance.game.arrays import NUMPY, Array, cross2, in_plane, is_array
 from guidance.game.game import Game, head_wind, least_square_in_hand
 from guidance.game.records import is_zero
 
-Point: TypeAlias = tuple[Any, Any]
-"""x and y, from the evader, m; or a direction."""
+PlaneArrays: TypeAlias = tuple[Any, Any]
+"""Arrays of x and y, from the evader, m; or of directions."""
 
-ROUNDS = 8
+_ROUNDS = 8
 """Rounds that find the closest point of a stand-off disc to the last bit."""
 
-STEPS = 80
+_STEPS = 80
 """Newton and bisection steps to a crossing; five are usual."""
 
 ASIDE = 1e-15
@@ -75,7 +75,7 @@ class Regions(NamedTuple):
         return self.pick((..., None, slice(None)))
 
 
-class Edge(NamedTuple):
+class RunEnd(NamedTuple):
     """The end of a run, at the edge of a region (of a Cylinder's: of its horizontal game).
 
     Attributes:
@@ -85,7 +85,7 @@ class Edge(NamedTuple):
     """
 
     reach: Array
-    away: Point
+    away: PlaneArrays
     root: Array
 
 
@@ -108,7 +108,7 @@ def regions_of(game: Game, P: Array, E: Array) -> Regions:
     return Regions(ratio, least, w[..., 0], w[..., 1], z, capture, radius, wind_x, wind_y, safe)
 
 
-def edge(regions: Regions, heading: Point) -> Edge:  # noqa: PLR0914
+def edge(regions: Regions, heading: PlaneArrays) -> RunEnd:  # noqa: PLR0914
     """Return how far a run along a heading of length 1 goes."""
     ratio, curvature, x, y, z, capture, radius, *wind, _ = regions
     nx, ny = heading
@@ -121,7 +121,7 @@ def edge(regions: Regions, heading: Point) -> Edge:  # noqa: PLR0914
     open_region = not is_zero(radius)
     lead = ratio * capture
     beyond = z * z - capture * capture
-    for _ in range(ROUNDS if open_region else 1):
+    for _ in range(_ROUNDS if open_region else 1):
         power = x * x + y * y + beyond
         half = x * nx + y * ny + lead
         root = np.sqrt(half * half + curvature * power)
@@ -141,15 +141,17 @@ def edge(regions: Regions, heading: Point) -> Edge:  # noqa: PLR0914
         share = np.where(above, 0.0, np.maximum(1.0 - share, 0.0))
         reach = np.where(above, met, reach)
         away = (share * away[0], share * away[1])
-    return Edge(np.maximum(reach, 0.0), away, root)
+    return RunEnd(np.maximum(reach, 0.0), away, root)
 
 
-def survived(regions: Regions, heading: Point) -> Array:
+def survived(regions: Regions, heading: PlaneArrays) -> Array:
     """Return how far a run goes along a heading, (..., 1), before each pursuer captures the evader, (..., n)."""
     return np.maximum(edge(regions, heading).reach, regions.safe)
 
 
-def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
+def crossing(
+    pairs: Regions, begin: PlaneArrays, end: PlaneArrays, middle: PlaneArrays
+) -> PlaneArrays:
     """Return the heading along which both of two regions reach equally far, (...).
 
     Args:
@@ -164,7 +166,7 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
     half = NUMPY.half_of_digits(mx)
     s = _without_disc(pairs, middle)
     s = np.where((s - low) * (s - high) < 0, s, 0.0)
-    for _ in range(STEPS):
+    for _ in range(_STEPS):
         # By how much the first of two regions reaches farther, and its rate by the heading.
         heading = _turned(middle, s)
         headings = for_each(heading)
@@ -187,7 +189,7 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
     return _turned(middle, s)
 
 
-def _without_disc(pairs: Regions, middle: Point) -> Array:
+def _without_disc(pairs: Regions, middle: PlaneArrays) -> Array:
     """Return the tangent of half the angle from `middle` to the crossing, if capture, disc and wind only add to ‖W‖².
 
     The edges are circles then, κ X² + 2 W·X = ‖W‖², and cross on a line a·X = b. The crossing is given times κ a².
@@ -212,7 +214,7 @@ def _without_disc(pairs: Regions, middle: Point) -> Array:
     return np.asarray(cross2(middle, to) / ahead)
 
 
-def halfway(begin: Point, end: Point) -> Point:
+def halfway(begin: PlaneArrays, end: PlaneArrays) -> PlaneArrays:
     """Return the heading halfway between two; between opposite ones that with larger y, then larger x."""
     x = begin[0] - end[0]
     y = begin[1] - end[1]
@@ -221,7 +223,7 @@ def halfway(begin: Point, end: Point) -> Point:
     return unit((begin[0] + end[0] - side * y, begin[1] + end[1] + side * x))
 
 
-def _turned(middle: Point, s: Array) -> Point:
+def _turned(middle: PlaneArrays, s: Array) -> PlaneArrays:
     """Return a heading by the tangent of half its angle from another."""
     scale = 1.0 / (1.0 + s * s)
     cosine = (1.0 - s * s) * scale
@@ -229,12 +231,12 @@ def _turned(middle: Point, s: Array) -> Point:
     return in_plane(middle, (cosine, sine))
 
 
-def for_each(point: Point) -> Point:
+def for_each(point: PlaneArrays) -> PlaneArrays:
     """Return a vector (...) with one more axis, for all pursuers of its row."""
     return point[0][..., None], point[1][..., None]
 
 
-def unit(v: Point) -> Point:
+def unit(v: PlaneArrays) -> PlaneArrays:
     """Return the direction of plane vectors."""
     size = NUMPY.norm2(v)
     return v[0] / size, v[1] / size

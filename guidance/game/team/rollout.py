@@ -25,12 +25,12 @@ from guidance.game.records import require
 from guidance.game.rollout import NANOSECOND_S, SPARE_STEPS, End, look_ahead
 from guidance.game.rows import for_rows
 from guidance.game.team.arguments import TeamGames, joined
-from guidance.game.team.captures import Course, Intent, first_intent, play_orders
+from guidance.game.team.captures import Chase, Intent, first_intent, play_sequences
 from guidance.game.team.matching import Matching, match_teams
 from guidance.game.team.rules import TEAM_RULES, TeamRule, TeamView, chase, nearest_evader
 from guidance.game.team.table import place_of, taken
 
-OPTIMAL = "optimal"
+_OPTIMAL = "optimal"
 CAPTURES = "captures"
 """The plays of `guidance.game.team.captures` that keep promises, of distances and of captures."""
 
@@ -87,8 +87,8 @@ def rollout_teams(  # noqa: PLR0914
     evaders: ArrayLike,
     target: ArrayLike | None = None,
     *,
-    pursuer_policy: TeamPolicies = OPTIMAL,
-    evader_policy: TeamPolicies = OPTIMAL,
+    pursuer_policy: TeamPolicies = _OPTIMAL,
+    evader_policy: TeamPolicies = _OPTIMAL,
     capture_m: float = 0.0,
     step_s: float = 0.05,
     duration_s: float = 600.0,
@@ -182,7 +182,7 @@ class Outcomes(NamedTuple):
     captor: Array
 
 
-class Foreseen(NamedTuple):
+class NextEvents(NamedTuple):
     """What would happen next at the present velocities, s from now; inf for never.
 
     Attributes:
@@ -196,7 +196,7 @@ class Foreseen(NamedTuple):
     turn_s: Array
 
 
-def foresee(ends: Game, plays: Array, P: Array, E: Array, T: Array | None) -> Foreseen:
+def foresee(ends: Game, plays: Array, P: Array, E: Array, T: Array | None) -> NextEvents:
     """Look ahead for every pair of players."""
     goal = None if T is None else T[..., None, :, :]
     capture_s, arrival_s, turn_s = look_ahead(
@@ -204,11 +204,11 @@ def foresee(ends: Game, plays: Array, P: Array, E: Array, T: Array | None) -> Fo
     )
     capture_s = np.where(plays, capture_s, math.inf)
     arrival_s = np.broadcast_to(arrival_s, capture_s.shape)[..., 0, :]
-    return Foreseen(capture_s, arrival_s, np.broadcast_to(turn_s, capture_s.shape))
+    return NextEvents(capture_s, arrival_s, np.broadcast_to(turn_s, capture_s.shape))
 
 
 def judged_ends(
-    outcomes: Outcomes, foreseen: Foreseen, now_s: Array, duration_s: float
+    outcomes: Outcomes, foreseen: NextEvents, now_s: Array, duration_s: float
 ) -> Outcomes:
     """End the games of the evaders that are captured, have arrived, or have no time left."""
     running = outcomes.end == End.RUNNING
@@ -225,7 +225,7 @@ def judged_ends(
     return Outcomes(end, time_s, captor)
 
 
-def step_of(foreseen: Foreseen, running: Array, evader_of: Array, longest_s: Array) -> Array:
+def step_of(foreseen: NextEvents, running: Array, evader_of: Array, longest_s: Array) -> Array:
     """Return the length of the next step, s: to the next event, at most `longest_s`, and 0 where no game runs.
 
     Args:
@@ -264,15 +264,15 @@ class _Sides(NamedTuple):
     def needs_matching(self) -> bool:
         """Whether a player's policy depends on the matching."""
         has_rules_only = all(isinstance(policy, TeamRule) for policy in self.chase)
-        return OPTIMAL in self.flee or not has_rules_only
+        return _OPTIMAL in self.flee or not has_rules_only
 
 
 def _sides(
     pursuer_policy: TeamPolicies, evader_policy: TeamPolicies, n: int, m: int, *, in_pe: bool
 ) -> _Sides:
-    plays = {OPTIMAL: OPTIMAL, CAPTURES: CAPTURES}
+    plays = {_OPTIMAL: _OPTIMAL, CAPTURES: CAPTURES}
     chase = _named("pursuer_policy", pursuer_policy, n, {**PURSUER_POLICIES, **plays, **TEAM_RULES})
-    flee = _named("evader_policy", evader_policy, m, {**EVADER_POLICIES, OPTIMAL: OPTIMAL})
+    flee = _named("evader_policy", evader_policy, m, {**EVADER_POLICIES, _OPTIMAL: _OPTIMAL})
     if CAPTURES in chase and in_pe:
         raise ConfigError("pursuer_policy = 'captures': needs a target; without one play 'optimal'")
     return _Sides(chase, flee, np.array([policy == CAPTURES for policy in chase]))
@@ -285,12 +285,12 @@ def _course(
     matching: Matching,
     intent: Intent | None,
     step_s: float,
-) -> tuple[Course, Intent | None]:
+) -> tuple[Chase, Intent | None]:
     """Return how the pursuers fly in a step, each by its own policy, and what they intend then."""
-    course = Course(matching.pursuer_velocity_m_s, matching.evader_of)
+    course = Chase(matching.pursuer_velocity_m_s, matching.evader_of)
     if sides.spends.any():
         before = first_intent(view) if intent is None else intent
-        course, intent = play_orders(view, plays, matching, before, step_s, sides.spends)
+        course, intent = play_sequences(view, plays, matching, before, step_s, sides.spends)
     velocity = np.array(course.velocity_m_s, dtype=np.float64)
     evader_of = np.array(course.evader_of)
     for policy in dict.fromkeys(sides.chase):
@@ -305,7 +305,7 @@ def _course(
             flown = chase(view, chased, policy)
         velocity[..., uses_policy, :] = flown[..., uses_policy, :]
         evader_of[..., uses_policy] = chased[..., uses_policy]
-    return Course(velocity, evader_of), intent
+    return Chase(velocity, evader_of), intent
 
 
 def _fled(view: TeamView, policies: _Chosen, matching: Matching) -> Array:

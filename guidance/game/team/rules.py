@@ -13,7 +13,7 @@ from guidance.game.arrays import Array
 from guidance.game.game import Game
 from guidance.game.policies import PURSUER_POLICIES, Policy
 from guidance.game.rows import for_rows
-from guidance.game.team.orders import lead_and_place
+from guidance.game.team.capture_sequences import lead_and_place
 from guidance.game.team.packing import assigned
 from guidance.game.team.table import place_of, taken
 

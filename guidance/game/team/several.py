@@ -57,10 +57,10 @@ from guidance.game.team.arguments import (
     pair_axes,
     real_argument,
 )
-from guidance.game.team.danger import most_in_danger
+from guidance.game.team.danger import team_most_in_danger
 from guidance.game.team.open_runs import leaves_open, longest_open
 from guidance.game.team.regions import (
-    Point,
+    PlaneArrays,
     Regions,
     crossing,
     edge,
@@ -76,31 +76,31 @@ from guidance.game.team.table import (
     are,
     costs_of,
     place_of,
-    shares_of,
+    pull_shares,
     taken,
     team_of,
     together,
 )
 
-FEW = 8
+_FEW = 8
 """Up to this number of pursuers every crossing of two edges is tried."""
 
-ROUNDING = 1e-11
+_ROUNDING = 1e-11
 """Relative difference of two bounds that counts as none."""
 
 MISSED = 1e-10
 """Relative length by which a run is longer than the longest that was found."""
 
-TRIED = 180
+_TRIED = 180
 """Headings that are tried first for the run that ends closest to the target."""
 
-MINIMA = 3
+_MINIMA = 3
 """Lowest minima among these that are followed."""
 
-CLOSER = 17
+_CLOSER = 17
 """Headings between both neighbours of the best one, in each further round."""
 
-ROUNDS = 8
+_ROUNDS = 8
 """Rounds: the heading is found to 2e-9 rad."""
 
 EQUAL = 1e-14
@@ -178,7 +178,7 @@ def solve_team(
     game, P, others = _broadcast(team_game, P, others)
     with np.errstate(all="ignore"):
         team = _team(game, P, others)
-        play = chase if target is None else defence
+        play = _chase if target is None else _defence
         answer, best = play(team, others["evader"], _best_pair(team))
         won = answer.winner > 0
         answer = answer._replace(multipliers=_multipliers_of_won(team, best, won))
@@ -243,7 +243,7 @@ def _against_a_set(
     answer is that of the game with this point as target.
     """
     with np.errstate(all="ignore"):
-        danger = most_in_danger(game, P, others["evader"], others["target"])
+        danger = team_most_in_danger(game, P, others["evader"], others["target"])
     sound = fault == 0
     margin_s = np.where(sound, danger.margin_s, answer.margin_s)
     with_margin = answer._replace(margin_s=margin_s)
@@ -267,7 +267,7 @@ def _run_to(
     lost_others["target"] = point_m[lost]
     team = _team(lost_games, P[lost], lost_others)
     with np.errstate(all="ignore"):
-        run, _ = defence(team, lost_others["evader"], _best_pair(team))
+        run, _ = _defence(team, lost_others["evader"], _best_pair(team))
     return run
 
 
@@ -279,7 +279,7 @@ def _best_pair(team: PursuerGames) -> Meeting:
     return Meeting(*(part[best] for part in pairs))
 
 
-def defence(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
+def _defence(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
     """Play TAD: see `solve_team`.
 
     Args:
@@ -304,10 +304,10 @@ def defence(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolut
     return answer._replace(winner=winner), best
 
 
-def chase(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
-    """Play PE: see `solve_team` and `defence`."""
+def _chase(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
+    """Play PE: see `solve_team` and `_defence`."""
     run = longest_run(team)
-    is_bracket = run.worth <= best.worth * (1.0 - ROUNDING)
+    is_bracket = run.worth <= best.worth * (1.0 - _ROUNDING)
     best = placed(team, evader, NUMPY.select_all(is_bracket, run, best))
     flies = are(team.own.shape[-1], best.first, best.second)
     return assembled(team, evader, run, best, flies), best
@@ -356,13 +356,13 @@ def nearest_run(
     distance = np.fmin(goal.left((x, y)), np.inf)
     least = place_of(np.argmin(distance, axis=-1))
     shortest, x, y = (np.array(part[least]) for part in (distance, x, y))
-    unmet = np.asarray(won & (shortest > best.worth * (1.0 + ROUNDING)))
+    unmet = np.asarray(won & (shortest > best.worth * (1.0 + _ROUNDING)))
     if unmet.any():
         ends = _nearest_of_all(regions.pick(unmet), goal.rows(unmet))
         nearer = ends.worth < shortest[unmet]
         for part, found in ((x, ends.x), (y, ends.y), (shortest, ends.worth)):
             part[unmet] = np.where(nearer, found, part[unmet])
-    same = shortest <= best.worth * (1.0 + ROUNDING)
+    same = shortest <= best.worth * (1.0 + _ROUNDING)
     worth = np.where(same, best.worth, shortest)
     return NUMPY.select_all(won, _unpaired(best, x, y, worth), best)
 
@@ -390,25 +390,25 @@ def _nearest_of_all(regions: Regions, goal: Goal) -> _End:
         return _End(x, y, np.fmin(goal.left((x, y)), np.inf))
 
     rows = len(goal.x)
-    step = 2.0 * np.pi / TRIED
-    tried = np.broadcast_to(np.arange(TRIED) * step, (rows, TRIED))
+    step = 2.0 * np.pi / _TRIED
+    tried = np.broadcast_to(np.arange(_TRIED) * step, (rows, _TRIED))
     left = ends(tried).worth
     is_minimum = (left <= np.roll(left, 1, axis=-1)) & (left <= np.roll(left, -1, axis=-1))
-    order = np.argsort(np.where(is_minimum, left, np.inf), axis=-1)[:, :MINIMA]
+    order = np.argsort(np.where(is_minimum, left, np.inf), axis=-1)[:, :_MINIMA]
     middle = np.take_along_axis(tried, order, axis=-1)
-    shares = np.linspace(-1.0, 1.0, CLOSER)
-    for _ in range(ROUNDS):
+    shares = np.linspace(-1.0, 1.0, _CLOSER)
+    for _ in range(_ROUNDS):
         near = (middle[..., None] + step * shares).reshape(rows, -1)
-        left = ends(near).worth.reshape(rows, MINIMA, CLOSER)
+        left = ends(near).worth.reshape(rows, _MINIMA, _CLOSER)
         best = np.argmin(left, axis=-1)
-        middle = taken(near.reshape(rows, MINIMA, CLOSER), best)
-        step *= 2.0 / (CLOSER - 1)
+        middle = taken(near.reshape(rows, _MINIMA, _CLOSER), best)
+        step *= 2.0 / (_CLOSER - 1)
     found = ends(middle)
     least = place_of(np.argmin(found.worth, axis=-1))
     return _End(found.x[least], found.y[least], found.worth[least])
 
 
-def _directions(ends: Array, best: Meeting, straight: Point) -> Point:
+def _directions(ends: Array, best: Meeting, straight: PlaneArrays) -> PlaneArrays:
     """Return the directions to some ends (..., n, 3), to the best pair's, and straight ones (..., n)."""
     straight_x, straight_y = straight
     x = np.concatenate([ends[..., 0], best.x[..., None], straight_x], axis=-1)
@@ -458,7 +458,7 @@ def _longest_found(team: PursuerGames) -> Meeting:
     evader_velocity_m_s = team.alone.evader_velocity_m_s
     headings = [evader_velocity_m_s[..., axis] / v for axis in (0, 1)]
     reach = team.alone.value * v
-    if count <= FEW:
+    if count <= _FEW:
         return _longest_run(team, headings, reach)
     chosen = np.argmin(reach, axis=-1)[..., None]
     longest = _longest_run(team, headings, reach, chosen)
@@ -565,7 +565,7 @@ def _crossed(reached: Array, pairs: Array) -> Array:
 
 def _crossings(
     regions: Regions, own_ends: Sequence[Array], rows: Sequence[Array], two: Array, other: Array
-) -> Point:
+) -> PlaneArrays:
     """Return the headings of the crossings of two edges, (m,).
 
     Args:
@@ -667,7 +667,7 @@ def _multipliers(team: PursuerGames, best: Meeting) -> Array:
     return np.where(np.isfinite(multiplier), np.maximum(multiplier, 0.0), 0.0)
 
 
-def _height_multipliers(team: PursuerGames, best: Meeting, height: Array) -> Point:
+def _height_multipliers(team: PursuerGames, best: Meeting, height: Array) -> PlaneArrays:
     """Return the multipliers of the first and the second pursuer of a meeting; `height`: where a height decides it."""
     far = NUMPY.norm2((best.x, best.y))
     run = (best.x / far, best.y / far)
@@ -680,7 +680,7 @@ def _height_multipliers(team: PursuerGames, best: Meeting, height: Array) -> Poi
     x, y = costs_of(team.regions, team.v, run, met, level)
     cost_of_first = (taken(x, best.first), taken(y, best.first))
     cost_of_second = (taken(x, best.second), taken(y, best.second))
-    shares = shares_of(pull, (cost_of_first, cost_of_second))
+    shares = pull_shares(pull, (cost_of_first, cost_of_second))
     single = best.first == best.second
     share = dot2(pull, cost_of_first) / dot2(cost_of_first, cost_of_first)
     return np.where(single, share, shares[0]), np.where(single, share, shares[1])

@@ -32,9 +32,9 @@ from guidance.game.team.arguments import (
     real_argument,
 )
 from guidance.game.team.regions import (
-    Edge,
-    Point,
+    PlaneArrays,
     Regions,
+    RunEnd,
     crossing,
     edge,
     for_each,
@@ -53,7 +53,7 @@ class Goal(NamedTuple):
     x: Array
     y: Array
     extent: Extent
-    drift: Point
+    drift: PlaneArrays
 
     @property
     def is_point(self) -> bool:
@@ -72,7 +72,7 @@ class Goal(NamedTuple):
         x, y, drift_x, drift_y = (np.asarray(part)[rows] for part in (self.x, self.y, *self.drift))
         return Goal(x, y, self.extent, (drift_x, drift_y))
 
-    def pull(self, point: Point) -> Point:
+    def pull(self, point: PlaneArrays) -> PlaneArrays:
         """Return how the distance from the target falls with the end of a run, (...), if it is picked, see `pick`."""
         x, y = self.place(point)
         run = unit(point)
@@ -80,20 +80,20 @@ class Goal(NamedTuple):
         to = unit(to_target)
         return plus2(to, -dot2(to, self.drift), run)
 
-    def left(self, point: Point) -> Array:
+    def left(self, point: PlaneArrays) -> Array:
         """Return the distances, (..., k), m, of ends of runs from the target when the evader is there."""
         x, y = self.place(point)
         from_target = (x - self.x[..., None], y - self.y[..., None])
         return NUMPY.norm2(to_set(NUMPY, self.extent, from_target))
 
-    def place(self, point: Point) -> Point:
+    def place(self, point: PlaneArrays) -> PlaneArrays:
         """Return ends of runs, (..., k), from where the evader is carried with the target."""
         far = NUMPY.norm2(point)
         x, y = point
         drift_x, drift_y = self.drift
         return x - drift_x * far, y - drift_y * far
 
-    def towards(self, reach: Array) -> Point:
+    def towards(self, reach: Array) -> PlaneArrays:
         """Return the ways, (..., k), m, to the target from the middle of all ends of runs up to some length."""
         x = -self.drift[0] * reach - self.x[..., None]
         y = -self.drift[1] * reach - self.y[..., None]
@@ -132,7 +132,7 @@ class PursuerGames(NamedTuple):
     own: Array
     goal: Goal | None
 
-    def straight(self, point: Point) -> Array:
+    def straight(self, point: PlaneArrays) -> Array:
         """Return the velocities, (..., n, 3), m/s, of pursuers that meet the evader at an end of its run, (...)."""
         x, y = for_each(point)
         to = (x - self.regions.x, y - self.regions.y)
@@ -213,7 +213,9 @@ def _goal_of(game: Game, v: Array, to_target: Array) -> Goal:
     return Goal(to_target[..., 0], to_target[..., 1], game.target_extent, drift)
 
 
-def costs_of(regions: Regions, v: Array, run: Point, met: Edge, level: Array | bool) -> Point:
+def costs_of(
+    regions: Regions, v: Array, run: PlaneArrays, met: RunEnd, level: Array | bool
+) -> PlaneArrays:
     """Return how the evader's lead over each pursuer changes at the edge of its region, s/m: ∇(t_E − tᵢ), (..., n).
 
     Args:
@@ -235,7 +237,7 @@ def costs_of(regions: Regions, v: Array, run: Point, met: Edge, level: Array | b
     return x - away_x, y - away_y
 
 
-def shares_of(pull: Point, costs: tuple[Point, Point]) -> tuple[Array, Array]:
+def pull_shares(pull: PlaneArrays, costs: tuple[PlaneArrays, PlaneArrays]) -> tuple[Array, Array]:
     """Return the multipliers λ of two pursuers, which solve Σ λᵢ ∇(t_E − tᵢ) = pull."""
     first, second = costs
     turn = cross2(first, second)
@@ -272,7 +274,7 @@ def together(team: PursuerGames, index: tuple[Any, ...]) -> Meeting:
     return Meeting(x, y, np.where(single, alone, bounded), first, second)
 
 
-def _both_cut(team: PursuerGames, regions: Regions, end: Point) -> Array:
+def _both_cut(team: PursuerGames, regions: Regions, end: PlaneArrays) -> Array:
     """Return which two pursuers each cut the run off to the other's own end, (..., k).
 
     Args:
@@ -291,7 +293,7 @@ def _both_cut(team: PursuerGames, regions: Regions, end: Point) -> Array:
 
 
 def _bounds(
-    team: PursuerGames, regions: Regions, end: Point, worth: Array, bind: Array
+    team: PursuerGames, regions: Regions, end: PlaneArrays, worth: Array, bind: Array
 ) -> tuple[Array, Array, Array]:
     """Return where games of two pursuers end, x and y, (..., k), and the worth that they guarantee together.
 
@@ -328,7 +330,7 @@ def _bounds(
     return x, y, bounded
 
 
-def _direction_of_crossing(two: Regions, end: Point) -> Point:
+def _direction_of_crossing(two: Regions, end: PlaneArrays) -> PlaneArrays:
     """Return the direction, (m,), of the crossing between two pursuers' own ends, (m, 2)."""
     far = NUMPY.norm2(end)
     first_x, second_x = (end[0] / far).T
@@ -338,7 +340,7 @@ def _direction_of_crossing(two: Regions, end: Point) -> Point:
     return crossing(two, first, second, halfway(first, second))
 
 
-def _keeps(two: Regions, v: Array, run: Point, goal: Goal) -> Array:
+def _keeps(two: Regions, v: Array, run: PlaneArrays, goal: Goal) -> Array:
     """Return whether two pursuers keep the evader out of its target where their regions' edges cross, (k,).
 
     The intersection of both regions is apart from the target's set if the crossing is its closest point, which is so if
@@ -356,7 +358,7 @@ def _keeps(two: Regions, v: Array, run: Point, goal: Goal) -> Array:
     cost_of_second = (x[:, 1], y[:, 1])
     length = met.reach.min(axis=-1)
     pull = goal.pull((length * run[0], length * run[1]))
-    first, second = shares_of(pull, (cost_of_first, cost_of_second))
+    first, second = pull_shares(pull, (cost_of_first, cost_of_second))
     return np.asarray((first >= 0.0) & (second >= 0.0))
 
 

@@ -19,7 +19,7 @@ from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderRepor
 from guidance.vehicle import FARTHEST_M, is_plausible
 
 CAPABILITY_VELOCITY: Final = 1 << 1
-OLDEST_S: Final = 2
+_OLDEST_S: Final = 2
 """Largest age of an ADSB_VEHICLE."""
 
 _MOST_COUNTERS: Final = 32
@@ -191,7 +191,7 @@ def _adsb(
     """
     for is_refused, reason in (
         (fields.ICAO_address != icao_address, "other_id"),
-        (fields.tslc > OLDEST_S, "old"),
+        (fields.tslc > _OLDEST_S, "old"),
         (not fields.flags & mavlink.ADSB_FLAGS_VALID_COORDS, "position"),
         (not fields.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE, "altitude"),
     ):

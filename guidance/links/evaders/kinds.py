@@ -131,7 +131,7 @@ def _open_mavlink(order: SourceOrder) -> EvaderSource:
 
 def _open_zenoh(order: SourceOrder) -> EvaderSource:
     # Only Zenoh's kinds need Zenoh
-    from guidance.links.evaders.zenoh import MAP, open_source_patiently  # noqa: PLC0415
+    from guidance.links.evaders.zenoh import MAP_FRAME, open_source_patiently  # noqa: PLC0415
 
     return open_source_patiently(
         order.kind,
@@ -139,93 +139,84 @@ def _open_zenoh(order: SourceOrder) -> EvaderSource:
         clock=order.clock,
         frame=order.frame,
         credentials=order.credentials,
-        frame_id=MAP if order.frame_id is None else order.frame_id,
+        frame_id=MAP_FRAME if order.frame_id is None else order.frame_id,
     )
 
 
 _DATUM_KEYS: Final = frozenset({"altitude_datum", "frame.undulation_m"})
 
-GLOBAL_POSITION: Final = EvaderKind(
-    name="global_position",
-    message="MAVLink GLOBAL_POSITION_INT",
-    transport="mavlink",
-    needs=_ONE_SYSTEM,
-    takes=MAVLINK_KEYS | _DATUM_KEYS,
-    datum=Datum.AMSL,
-    open=_open_mavlink,
-)
-FOLLOW_TARGET: Final = EvaderKind(
-    name="follow_target",
-    message="FOLLOW_TARGET, as QGroundControl on a phone sends it",
-    transport="mavlink",
-    needs=_ONE_SYSTEM,
-    takes=MAVLINK_KEYS | _DATUM_KEYS,
-    datum=Datum.AMSL,
-    open=_open_mavlink,
-)
-ODOMETRY: Final = EvaderKind(
-    name="odometry",
-    message="ODOMETRY, metres in its own frame",
-    transport="mavlink",
-    needs=_ONE_SYSTEM | _IN_METRES,
-    takes=MAVLINK_KEYS,
-    open=_open_mavlink,
-)
-OPEN_DRONE_ID: Final = EvaderKind(
-    name="open_drone_id",
-    message="OPEN_DRONE_ID_LOCATION",
-    transport="mavlink",
-    needs=_ONE_SYSTEM,
-    takes=MAVLINK_KEYS | _DATUM_KEYS | {"id_or_mac"},
-    datum=Datum.ELLIPSOID,
-    open=_open_mavlink,
-)
-ADSB: Final = EvaderKind(
-    name="adsb",
-    message="ADSB_VEHICLE",
-    transport="mavlink",
-    needs={
-        **_ONE_SYSTEM,
-        "icao_address": "needs the aircraft's address",
-        "frame.undulation_m": "may report altitudes above the ellipsoid",
-    },
-    takes=MAVLINK_KEYS,
-    open=_open_mavlink,
-)
-JSON: Final = EvaderKind(
-    name="json",
-    message="a JSON object on a Zenoh key",
-    transport="zenoh",
-    needs=_A_KEY,
-    takes=frozenset({"frame.undulation_m", "frame.home_altitude_amsl_m"}),
-    open=_open_zenoh,
-)
-ROS_POSE: Final = EvaderKind(
-    name="ros_pose",
-    message="geometry_msgs/PoseStamped through rmw_zenoh",
-    transport="zenoh",
-    needs=_A_KEY | _IN_METRES,
-    takes=frozenset({"frame_id"}),
-    open=_open_zenoh,
-)
-ROS_ODOMETRY: Final = EvaderKind(
-    name="ros_odometry",
-    message="nav_msgs/Odometry through rmw_zenoh",
-    transport="zenoh",
-    needs=_A_KEY | _IN_METRES,
-    takes=frozenset({"frame_id"}),
-    open=_open_zenoh,
-)
-
 _BUILT_IN: Final = (
-    FOLLOW_TARGET,
-    GLOBAL_POSITION,
-    ODOMETRY,
-    OPEN_DRONE_ID,
-    ADSB,
-    JSON,
-    ROS_POSE,
-    ROS_ODOMETRY,
+    EvaderKind(
+        name="follow_target",
+        message="FOLLOW_TARGET, as QGroundControl on a phone sends it",
+        transport="mavlink",
+        needs=_ONE_SYSTEM,
+        takes=MAVLINK_KEYS | _DATUM_KEYS,
+        datum=Datum.AMSL,
+        open=_open_mavlink,
+    ),
+    EvaderKind(
+        name="global_position",
+        message="MAVLink GLOBAL_POSITION_INT",
+        transport="mavlink",
+        needs=_ONE_SYSTEM,
+        takes=MAVLINK_KEYS | _DATUM_KEYS,
+        datum=Datum.AMSL,
+        open=_open_mavlink,
+    ),
+    EvaderKind(
+        name="odometry",
+        message="ODOMETRY, metres in its own frame",
+        transport="mavlink",
+        needs=_ONE_SYSTEM | _IN_METRES,
+        takes=MAVLINK_KEYS,
+        open=_open_mavlink,
+    ),
+    EvaderKind(
+        name="open_drone_id",
+        message="OPEN_DRONE_ID_LOCATION",
+        transport="mavlink",
+        needs=_ONE_SYSTEM,
+        takes=MAVLINK_KEYS | _DATUM_KEYS | {"id_or_mac"},
+        datum=Datum.ELLIPSOID,
+        open=_open_mavlink,
+    ),
+    EvaderKind(
+        name="adsb",
+        message="ADSB_VEHICLE",
+        transport="mavlink",
+        needs={
+            **_ONE_SYSTEM,
+            "icao_address": "needs the aircraft's address",
+            "frame.undulation_m": "may report altitudes above the ellipsoid",
+        },
+        takes=MAVLINK_KEYS,
+        open=_open_mavlink,
+    ),
+    EvaderKind(
+        name="json",
+        message="a JSON object on a Zenoh key",
+        transport="zenoh",
+        needs=_A_KEY,
+        takes=frozenset({"frame.undulation_m", "frame.home_altitude_amsl_m"}),
+        open=_open_zenoh,
+    ),
+    EvaderKind(
+        name="ros_pose",
+        message="geometry_msgs/PoseStamped through rmw_zenoh",
+        transport="zenoh",
+        needs=_A_KEY | _IN_METRES,
+        takes=frozenset({"frame_id"}),
+        open=_open_zenoh,
+    ),
+    EvaderKind(
+        name="ros_odometry",
+        message="nav_msgs/Odometry through rmw_zenoh",
+        transport="zenoh",
+        needs=_A_KEY | _IN_METRES,
+        takes=frozenset({"frame_id"}),
+        open=_open_zenoh,
+    ),
 )
 
 EVADER_KINDS: Final[Registry[EvaderKind]] = Registry(

@@ -25,11 +25,11 @@ GROUND_STATION_ID: Final = 255
 """Our system id if we ask for reports. The evader's own id would mean a part of the evader."""
 
 HEARTBEAT_S: Final = 1.0
-ASK_AGAIN_S: Final = 3.0
+RATE_AGAIN_S: Final = 3.0
 """Ask for reports after this time without one: the evader may have restarted. Not more often once it has acknowledged,
 since an autopilot may begin its interval again with each request."""
 
-TIMESYNC_EVERY_S: Final = 1.0
+_TIMESYNC_EVERY_S: Final = 1.0
 """The evader's clock is only compared with ours, so a growing delay need not be noticed within a second."""
 
 _TOLD_AFTER_S: Final = 3.0
@@ -81,7 +81,7 @@ class MavlinkEvader:
         )
         autopilot_id = 1
         self._asked_component_id = autopilot_id if self.component_id is None else self.component_id
-        self._timesync = TimesyncPeer(TIMESYNC_EVERY_S)
+        self._timesync = TimesyncPeer(_TIMESYNC_EVERY_S)
         self._answer: Timesync | None = None
         self._sent_s: float | None = None
         self._requests = RequestQueue()
@@ -124,7 +124,7 @@ class MavlinkEvader:
             self._station.send(own_heartbeat())
         if reported:
             self._asked_s = now_s
-        elif now_s - self._asked_s >= ASK_AGAIN_S:
+        elif now_s - self._asked_s >= RATE_AGAIN_S:
             self._asked_s = now_s
             message_id = float(getattr(mavlink, f"MAVLINK_MSG_ID_{self.carrier.message}"))
             params = (message_id, 1e6 / self.request_rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)

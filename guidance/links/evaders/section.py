@@ -6,7 +6,7 @@ from typing import Any, Final, Literal
 
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
-from guidance.config import Altitude, Extended, Latitude, Longitude, Section, SystemId
+from guidance.config import AltitudeAmsl, Extended, Latitude, Longitude, Section, SystemId
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.evaders.kinds import EVADER_KINDS, EvaderKindName, evader_kind
 from guidance.links.port import taken_apart
@@ -29,10 +29,10 @@ class EvaderFrame(Section):
 
     latitude_deg: Latitude | None = Field(None, description="of the frame's origin")
     longitude_deg: Longitude | None = Field(None, description="of the frame's origin")
-    altitude_amsl_m: Altitude | None = Field(
+    altitude_amsl_m: AltitudeAmsl | None = Field(
         None, description="of the frame's origin, above mean sea level"
     )
-    home_altitude_amsl_m: Altitude | None = Field(
+    home_altitude_amsl_m: AltitudeAmsl | None = Field(
         None, description='of home, for altitude_datum = "relative" in JSON reports'
     )
     undulation_m: float | None = Field(

@@ -49,13 +49,13 @@ from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderRepor
 
 PayloadReader = Callable[[bytes, float], EvaderReport]
 
-RETRY_S: Final = 2.0
+_RETRY_S: Final = 2.0
 """Pause between two attempts to reach a router."""
 
 _ROUTER_S: Final = 1.0
 """Time limit of one attempt to reach the router of an evader's reports."""
 
-MAP: Final = "map"
+MAP_FRAME: Final = "map"
 """The frame of ROS messages by default."""
 
 _SHOWN_LETTERS: Final = 64
@@ -150,7 +150,7 @@ class RetriedSource:
         self._thread.start()
 
     def _retry(self) -> None:
-        while not is_over(self._stop, RETRY_S):
+        while not is_over(self._stop, _RETRY_S):
             try:
                 self._source = self._open_once()
             except LinkError:
@@ -272,7 +272,7 @@ def rmw_key(topic: str, type_name: str) -> str:
 
 
 def read_ros(
-    data: bytes, received_s: float, *, frame: LocalFrame, moves: bool, frame_id: str = MAP
+    data: bytes, received_s: float, *, frame: LocalFrame, moves: bool, frame_id: str = MAP_FRAME
 ) -> EvaderReport:
     """Convert a geometry_msgs/PoseStamped, or a nav_msgs/Odometry.
 
@@ -287,7 +287,9 @@ def read_ros(
         RefusedReport: If the bytes are not one, or it is in another frame.
     """
     try:
-        message = ros_types.decode(data, ros_types.ODOMETRY if moves else ros_types.POSE_STAMPED)
+        message = ros_types.decode_cdr(
+            data, ros_types.ODOMETRY_TYPE if moves else ros_types.POSE_STAMPED
+        )
     except ValueError as error:
         raise RefusedReport("encoding") from error
     header = message.header
@@ -329,20 +331,24 @@ def _quoted(name: str) -> str:
     return json.dumps(name[:_SHOWN_LETTERS])
 
 
-def _of_json(frame: LocalFrame, key: str, _frame_id: str = MAP) -> tuple[str, PayloadReader]:
+def _of_json(frame: LocalFrame, key: str, _frame_id: str = MAP_FRAME) -> tuple[str, PayloadReader]:
     return key, partial(report_of_json, frame=frame, source=key)
 
 
-def _of_poses(frame: LocalFrame, topic: str, frame_id: str = MAP) -> tuple[str, PayloadReader]:
+def _of_poses(
+    frame: LocalFrame, topic: str, frame_id: str = MAP_FRAME
+) -> tuple[str, PayloadReader]:
     ros_types.prepare('evader.kind = "ros_pose"', ros_types.POSE_STAMPED)
     reader = partial(read_ros, frame=frame, moves=False, frame_id=frame_id)
     return rmw_key(topic, ros_types.POSE_STAMPED), reader
 
 
-def _of_odometry(frame: LocalFrame, topic: str, frame_id: str = MAP) -> tuple[str, PayloadReader]:
-    ros_types.prepare('evader.kind = "ros_odometry"', ros_types.ODOMETRY)
+def _of_odometry(
+    frame: LocalFrame, topic: str, frame_id: str = MAP_FRAME
+) -> tuple[str, PayloadReader]:
+    ros_types.prepare('evader.kind = "ros_odometry"', ros_types.ODOMETRY_TYPE)
     reader = partial(read_ros, frame=frame, moves=True, frame_id=frame_id)
-    return rmw_key(topic, ros_types.ODOMETRY), reader
+    return rmw_key(topic, ros_types.ODOMETRY_TYPE), reader
 
 
 KEYS: Final[Mapping[str, Callable[..., tuple[str, PayloadReader]]]] = {
@@ -361,7 +367,7 @@ def open_source(
     frame: LocalFrame,
     credentials: Credentials = NO_CREDENTIALS,
     timeout_s: float = 5.0,
-    frame_id: str = MAP,
+    frame_id: str = MAP_FRAME,
 ) -> EvaderSource:
     """Open a source of reports that arrive over Zenoh; for MAVLink see `MavlinkEvader`.
 
@@ -391,7 +397,7 @@ def open_source_patiently(
     clock: Clock,
     frame: LocalFrame,
     credentials: Credentials = NO_CREDENTIALS,
-    frame_id: str = MAP,
+    frame_id: str = MAP_FRAME,
 ) -> EvaderSource:
     """Open a source as `open_source` does, but try a router that does not answer again in the background.
 

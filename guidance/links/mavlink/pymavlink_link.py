@@ -23,7 +23,7 @@ from guidance.links.port import Clock, Wire
 USED: Final = frozenset(DECODERS) | {"STATUSTEXT", "TIMESYNC", "PARAM_VALUE"}
 """Names of the messages that a link reads."""
 
-QUEUE_LENGTH: Final = 2048
+MESSAGE_QUEUE_LENGTH: Final = 2048
 
 AIRCRAFT_PER_S: Final = 100
 """Positions of other systems per second that are read: a flood of them pushes no message of the vehicle out."""
@@ -178,7 +178,7 @@ class PymavlinkLink:
                     except (KeyError, TypeError, ValueError, ArithmeticError):
                         self.counts["invalid"] += 1
         self._tend(self._clock())
-        if (overflowed := len(self._inbox) - QUEUE_LENGTH) > 0:
+        if (overflowed := len(self._inbox) - MESSAGE_QUEUE_LENGTH) > 0:
             del self._inbox[:overflowed]
             self.counts["overflowed"] += overflowed
         received = self._inbox

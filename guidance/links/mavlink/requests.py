@@ -28,13 +28,13 @@ from guidance.messages import (
     Timesync,
 )
 
-REPEAT_S: Final = 0.5
+_REPEAT_S: Final = 0.5
 MAX_SENDS: Final = 4
 IN_PROGRESS_TIMEOUT_S: Final = 10.0
-QUEUE_LENGTH: Final = 64
+_QUEUE_LENGTH: Final = 64
 _REPEATABLE: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
 
-TIMESYNC_EVERY_S: Final = 0.25
+_TIMESYNC_EVERY_S: Final = 0.25
 """Often enough to notice a growing delay of the vehicle before a position is a second old."""
 
 RequestKey = tuple[type[Request], int | str | None]
@@ -74,7 +74,7 @@ class RequestQueue:
             lane.clear()
         elif any(waiting.request == request for waiting in lane):
             return
-        if len(lane) >= QUEUE_LENGTH:
+        if len(lane) >= _QUEUE_LENGTH:
             self.refused += 1
             return
         lane.append(_Pending(request, MAX_SENDS if is_repeatable(request) else 1))
@@ -90,7 +90,7 @@ class RequestQueue:
             elif now_s >= (pending := lane[0]).next_send_s:
                 yield pending.request, pending.sends
                 pending.sends += 1
-                pending.next_send_s = now_s + REPEAT_S
+                pending.next_send_s = now_s + _REPEAT_S
 
     def hear(self, message: messages.Message) -> None:
         """Note a message of the vehicle, which may answer a request."""
@@ -128,7 +128,7 @@ class TimesyncPeer:
         every_s: Time between two of our questions.
     """
 
-    every_s: float = TIMESYNC_EVERY_S
+    every_s: float = _TIMESYNC_EVERY_S
     asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=8))
     next_ask_s: float = float("-inf")
 

@@ -7,7 +7,7 @@ the vehicle's own ones until their timestamps pass the bound: for `LEAD_S` at mo
 that ends in order leaves the last timestamp itself, and nobody waits.
 
 A thread writes the file, so that no cycle waits for a disk. A disk that does not answer ends no flight: then a stream
-is used after `MOST_WAITING` frames, and counted.
+is used after `MOST_FRAMES_WAITING` frames, and counted.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ SignedStream = tuple[int, int, int]
 LEAD_S: Final = 5.0
 """The bound is so far ahead of the last timestamp."""
 
-MOST_WAITING: Final = 100
+MOST_FRAMES_WAITING: Final = 100
 """So many frames of a stream wait for a bound; the next one is used without."""
 
 _TICKS_PER_S: Final = 100_000
@@ -92,7 +92,7 @@ class SignedStreams:
                 return True
             waited = self._waited.get(stream, 0) + 1
             self._waited[stream] = waited
-            if waited <= MOST_WAITING:
+            if waited <= MOST_FRAMES_WAITING:
                 return False
             self.unsaved += 1
             return True

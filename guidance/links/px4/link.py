@@ -35,7 +35,7 @@ from guidance.frames import Ned
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import Sleep
 from guidance.links.port import Clock, Endpoint
-from guidance.links.px4.messages import FROM_PX4, TO_PX4, TYPES, Fields
+from guidance.links.px4.messages import FROM_PX4, TO_PX4, TYPES, TopicFields
 from guidance.links.px4.mode import ARMED, FlightMode, Outgoing, Readiness
 from guidance.links.wires.base import Arrivals
 from guidance.links.zenoh.credentials import Credentials
@@ -469,7 +469,7 @@ class _Telemetry:
             "register_ext_component_reply": self._clock_answer,
         }
 
-    def take(self, topic: str, fields: Fields, received_s: float) -> list[messages.Message]:
+    def take(self, topic: str, fields: TopicFields, received_s: float) -> list[messages.Message]:
         """Return what a message of PX4 tells.
 
         Raises:
@@ -486,7 +486,7 @@ class _Telemetry:
         """Take home as the link beside tells it."""
         self._home = home
 
-    def _status(self, fields: Fields, received_s: float) -> Iterator[messages.Message]:
+    def _status(self, fields: TopicFields, received_s: float) -> Iterator[messages.Message]:
         registration = self._mode.registration
         nav_state = fields.nav_state
         shown = custom_mode(nav_state)
@@ -501,7 +501,7 @@ class _Telemetry:
         if received_s - self._battery_s > _BATTERY_SILENT_S:
             yield self._system_status(received_s, math.nan, math.nan)
 
-    def _battery(self, fields: Fields, received_s: float) -> Iterator[messages.Message]:
+    def _battery(self, fields: TopicFields, received_s: float) -> Iterator[messages.Message]:
         self._battery_s = received_s
         known = fields.connected and 0.0 <= fields.remaining <= 1.0
         remaining = fields.remaining if known else math.nan
@@ -514,7 +514,7 @@ class _Telemetry:
         health = _PREARM_CHECK if self._prearm else 0
         return messages.SystemStatus(received_s, _PREARM_CHECK, health, remaining, volts)
 
-    def _position(self, fields: Fields, received_s: float) -> Iterator[messages.Message]:
+    def _position(self, fields: TopicFields, received_s: float) -> Iterator[messages.Message]:
         if not (fields.xy_valid and fields.z_valid and fields.v_xy_valid and fields.v_z_valid):
             raise ValueError("the position is not valid")
         boot_s = _boot_s(fields)
@@ -535,7 +535,7 @@ class _Telemetry:
             self._origin_s = received_s
             yield messages.Origin(received_s, *origin)
 
-    def _on_map(self, fields: Fields, received_s: float) -> Iterator[messages.Message]:
+    def _on_map(self, fields: TopicFields, received_s: float) -> Iterator[messages.Message]:
         local = self._local
         if not (fields.lat_lon_valid and fields.alt_valid) or local is None:
             raise ValueError("the position is not valid")
@@ -548,20 +548,20 @@ class _Telemetry:
             velocity = local.velocity_ned_m_s
             yield messages.GlobalPosition(received_s, _boot_s(fields), *place, above_m, velocity)
 
-    def _land_detected(self, fields: Fields, received_s: float) -> Iterator[messages.Message]:
+    def _land_detected(self, fields: TopicFields, received_s: float) -> Iterator[messages.Message]:
         self._landed = bool(fields.landed)
         yield messages.LandedState(received_s, _LANDED if fields.landed else _IN_AIR)
 
-    def _acknowledged(self, fields: Fields, received_s: float) -> Iterator[messages.Message]:
+    def _acknowledged(self, fields: TopicFields, received_s: float) -> Iterator[messages.Message]:
         yield messages.CommandAck(received_s, fields.command, fields.result)
 
-    def _clock_answer(self, fields: Fields, received_s: float) -> Iterator[messages.Message]:
+    def _clock_answer(self, fields: TopicFields, received_s: float) -> Iterator[messages.Message]:
         answer = self._mode.clock_answer(fields, received_s)
         if answer is not None:
             yield answer
 
 
-def _boot_s(fields: Fields) -> float:
+def _boot_s(fields: TopicFields) -> float:
     """Return PX4's time of a message, in the range of time_boot_ms."""
     return float(fields.timestamp % _BOOT_US / 1e6)
 

@@ -36,7 +36,7 @@ _CODES: Final = {
     "float64": "d",
 }
 
-Fields = Any
+TopicFields = Any
 """A decoded message: a tuple with its fields' names. Arrays of numbers are `velocity_0` and so on, of bytes `bytes`."""
 
 
@@ -238,7 +238,7 @@ class MessageType:
         except (struct.error, OverflowError) as error:
             raise ValueError(f"{self.name}: {error}") from error
 
-    def decode(self, data: bytes) -> Fields:
+    def decode(self, data: bytes) -> TopicFields:
         """Read a message.
 
         Raises:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from enum import StrEnum
 from typing import Any, Final, NamedTuple
 
-from guidance.links.px4.messages import Fields, name_bytes
+from guidance.links.px4.messages import TopicFields, name_bytes
 from guidance.messages import Timesync
 
 FIRST_MODE: Final = 23
@@ -34,7 +34,7 @@ ARMED: Final = 2
 SET_NAV_STATE: Final = 100001
 """PX4's own command: choose a mode by its NAVIGATION_STATE."""
 
-STALE_S: Final = 1.0
+READINESS_STALE_S: Final = 1.0
 """Readiness that is older counts as not ready: whoever judges it has stopped."""
 
 REGISTER_EVERY_S: Final = 1.0
@@ -137,7 +137,7 @@ class FlightMode:
         self.registration: Registration | None = None
         self._is_refused = False
         self._impossible = ""
-        self.status: Fields | None = None
+        self.status: TopicFields | None = None
         self.readiness = Readiness(-math.inf, (Check.SILENT,))
 
     @property
@@ -195,7 +195,7 @@ class FlightMode:
         }
         return Outgoing("register_ext_component_request", {**about, **values})
 
-    def hear(self, topic: str, fields: Fields, received_s: float) -> list[Outgoing]:
+    def hear(self, topic: str, fields: TopicFields, received_s: float) -> list[Outgoing]:
         """Take a message of PX4, and return the answers, which are due at once."""
         match topic:
             case "vehicle_status":
@@ -214,7 +214,7 @@ class FlightMode:
                     return [self.command(SET_NAV_STATE, HOLD)]
         return []
 
-    def clock_answer(self, fields: Fields, received_s: float) -> Timesync | None:
+    def clock_answer(self, fields: TopicFields, received_s: float) -> Timesync | None:
         """Return PX4's time in its answer to our last request or question; None for an answer to another one."""
         asked_s = {self._request_id: self._register_s, self._question_id: self._asked_s}.get(
             fields.request_id, -math.inf
@@ -231,7 +231,7 @@ class FlightMode:
         self._register_s = -math.inf
         self._unlisted_since_s = math.inf
 
-    def _take_reply(self, reply: Fields) -> list[Outgoing]:
+    def _take_reply(self, reply: TopicFields) -> list[Outgoing]:
         if reply.request_id != self._request_id or reply.name != self._name:
             return []
         if self.registration is not None:
@@ -261,7 +261,7 @@ class FlightMode:
             return []
         return [self._answer(self._check_id, self.registration, readiness.judged_s)]
 
-    def _take_request(self, request: Fields, received_s: float) -> list[Outgoing]:
+    def _take_request(self, request: TopicFields, received_s: float) -> list[Outgoing]:
         """Answer an arming check, and see whether PX4 still has the mode."""
         numbers = self.registration
         if numbers is None:
@@ -280,7 +280,7 @@ class FlightMode:
     def _answer(self, check_id: int, numbers: Registration, now_s: float) -> Outgoing:
         """Return the answer to an arming check by the last judgement; an old one means not ready."""
         checks = tuple(self.readiness.checks)
-        if now_s - self.readiness.judged_s > STALE_S:
+        if now_s - self.readiness.judged_s > READINESS_STALE_S:
             checks = (Check.SILENT,)
         events = {}
         for index, check in enumerate(checks[:MOST_CHECKS]):

@@ -12,13 +12,13 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 from guidance.links.port import Clock, Wire
 
-T = TypeVar("T")
+_Piece = TypeVar("_Piece")
 
 TO_VEHICLE: Final = "mavlink_raw/in"
 FROM_VEHICLE: Final = "mavlink_raw/out"
 """Zenoh keys of raw frames, in the vehicle's namespace."""
 
-QUEUE_LENGTH: Final = 1024
+PACKET_QUEUE_LENGTH: Final = 1024
 _MAX_CAPTURED: Final = 16384
 
 
@@ -26,22 +26,22 @@ Packet = tuple[float, bytes]
 """Arrival time and bytes."""
 
 
-class Arrivals(Generic[T]):
+class Arrivals(Generic[_Piece]):
     """A bounded queue: one thread fills it, the loop empties it. When it is full, the oldest item is dropped."""
 
     def __init__(self) -> None:
-        self._waiting: deque[T] = deque(maxlen=QUEUE_LENGTH)
+        self._waiting: deque[_Piece] = deque(maxlen=PACKET_QUEUE_LENGTH)
         self.closed = False
         self.dropped = 0
 
-    def put(self, item: T) -> bool:
+    def put(self, item: _Piece) -> bool:
         """Add an item; return False if closed, which adds nothing."""
         if not self.closed:
-            self.dropped += len(self._waiting) == QUEUE_LENGTH
+            self.dropped += len(self._waiting) == PACKET_QUEUE_LENGTH
             self._waiting.append(item)
         return not self.closed
 
-    def take(self) -> list[T]:
+    def take(self) -> list[_Piece]:
         """Return and remove all items, oldest first; none once closed."""
         waiting = self._waiting
         if self.closed:

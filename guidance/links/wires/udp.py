@@ -30,9 +30,9 @@ _DATAGRAM_BYTES: Final = 65535
 _BATCH: Final = 16
 """Datagrams read at once; then another thread may run."""
 
-Address = tuple[str, int]
+_Address = tuple[str, int]
 
-SILENT_S: Final = 3.0
+ADDRESS_SILENT_S: Final = 3.0
 """After this silence of a pinned address, another address may take its place."""
 
 MAX_SYSTEMS: Final = 8
@@ -52,17 +52,17 @@ IMPOSTORS_PER_S: Final = 10
 class _Pin:
     """The address of one system: the current one, when it was heard last, and the first one ever."""
 
-    address: Address
+    address: _Address
     heard_s: float
-    first: Address
+    first: _Address
 
 
 class AddressPins:
     """Decides by sender address which frames of a datagram are accepted.
 
     Each system is accepted from one address, which is pinned by its first valid frame. Another address replaces it
-    after `SILENT_S` of silence. The first address ever pinned gets its pin back at once when it returns. With a key,
-    a validly signed frame, which is newer than every one before it, pins its address at once.
+    after `ADDRESS_SILENT_S` of silence. The first address ever pinned gets its pin back at once when it returns. With a
+    key, a validly signed frame, which is newer than every one before it, pins its address at once.
 
     Every frame is judged by the pin of its own system, also behind other bytes: whoever has one system's pin speaks
     for no other one.
@@ -81,10 +81,10 @@ class AddressPins:
         self._systems = None if systems is None else frozenset(systems)
         self._checks = checks or {}
         self._pins: dict[int, _Pin] = {}
-        self.addresses: tuple[Address, ...] = ()
+        self.addresses: tuple[_Address, ...] = ()
         """Every pinned address once; replaced, never changed, as another thread may be iterating."""
         self._reader = FrameReader(())
-        self._readers: dict[Address, FrameReader] = {}
+        self._readers: dict[_Address, FrameReader] = {}
         self._second = -1
         self._budget: Counter[int] = Counter()
         self.refused = Counter(garbage=0, impostor=0, stranger=0, unsigned=0, unsaved=0)
@@ -93,7 +93,7 @@ class AddressPins:
         self.impostors: deque[bytes] = deque(maxlen=256)
         """Frames with a pinned system's id from another address, at most `IMPOSTORS_PER_S` per message id."""
 
-    def admit(self, now_s: float, address: Address, data: bytes) -> bytes:
+    def admit(self, now_s: float, address: _Address, data: bytes) -> bytes:
         """Return the accepted frames that a datagram completes; of an unexpected system only the first one."""
         # Of the addresses that are not pinned, the readers of the last MAX_READERS are kept.
         reader = self._readers.pop(address, None) or FrameReader(())
@@ -118,7 +118,7 @@ class AddressPins:
         checked.frames = admitted
         return checked
 
-    def _knock(self, now_s: float, address: Address, data: bytes) -> bytes | None:
+    def _knock(self, now_s: float, address: _Address, data: bytes) -> bytes | None:
         """Pin a new address by the first frame of its datagram, or return what is accepted without a pin.
 
         Floods come from here, so most datagrams are refused by their header.
@@ -140,7 +140,7 @@ class AddressPins:
             return None
         return self._impostor(now_s, data) if system_id in self._pins else self._refuse("unsigned")
 
-    def _admits(self, now_s: float, address: Address, frame: Frame) -> bool:
+    def _admits(self, now_s: float, address: _Address, frame: Frame) -> bool:
         """Judge one valid frame by its own system's pin."""
         system_id = frame.system_id
         if self._systems is not None and system_id not in self._systems:
@@ -163,14 +163,14 @@ class AddressPins:
         self._impostor(now_s, frame.data)
         return False
 
-    def _may_take(self, now_s: float, address: Address, system_id: int) -> bool:
+    def _may_take(self, now_s: float, address: _Address, system_id: int) -> bool:
         """Whether an address may become a system's: there is none, it was silent, or it is the first one again."""
         pin = self._pins.get(system_id)
         if pin is None:
             return True
-        return address in (pin.address, pin.first) or now_s - pin.heard_s >= SILENT_S
+        return address in (pin.address, pin.first) or now_s - pin.heard_s >= ADDRESS_SILENT_S
 
-    def _pin(self, now_s: float, address: Address, system_id: int) -> None:
+    def _pin(self, now_s: float, address: _Address, system_id: int) -> None:
         """Make this the address of a system."""
         pins = self._pins
         held = pins.get(system_id)
@@ -187,7 +187,7 @@ class AddressPins:
             return system_id in self._systems
         if system_id in self._pins or len(self._pins) < MAX_SYSTEMS:
             return True
-        return now_s - self._pins[self._silent_longest()].heard_s >= SILENT_S
+        return now_s - self._pins[self._silent_longest()].heard_s >= ADDRESS_SILENT_S
 
     def _silent_longest(self) -> int:
         return min(self._pins, key=lambda system_id: self._pins[system_id].heard_s)
@@ -308,7 +308,7 @@ class UdpWire(QueuedWire):
 
     def _write(self, frame: bytes) -> bool:
         """Send one datagram to each pinned address; without any, the frame is not sent."""
-        addresses: Sequence[Address | None] = (None,)
+        addresses: Sequence[_Address | None] = (None,)
         if self._pins is not None:
             addresses = self._pins.addresses
         sent = 0

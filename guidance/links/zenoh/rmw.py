@@ -23,7 +23,7 @@ import zenoh
 from guidance.links.zenoh import ros_types
 from guidance.links.zenoh.session import Session, close_all, is_small
 
-NODE: Final = "NN"
+_NODE: Final = "NN"
 PUBLISHER: Final = "MP"
 SERVICE: Final = "SS"
 
@@ -34,7 +34,7 @@ _ADMIN_SPACE: Final = "@ros2_lv"
 _ATTACHMENT: Final = struct.Struct("<qqB16s")
 _GID_BYTES: Final = 16
 
-Answer = Callable[["ServiceRequest"], None]
+Respond = Callable[["ServiceRequest"], None]
 """Answers a request; called on Zenoh's thread, where it must not wait: it may keep the request."""
 
 
@@ -104,7 +104,7 @@ class RosNode:
         self._place = f"%/{mangled(namespace)}/{mangled(name)}"
         self._entities = 0
         self._ends: list[Callable[[], object]] = []
-        self._declare(self.token(0, NODE))
+        self._declare(self.token(0, _NODE))
 
     def token(self, entity: int, kind: str, *parts: str) -> str:
         """Return the token of an entity; `parts` describe its topic or service."""
@@ -124,7 +124,7 @@ class RosNode:
         self._declare(token)
         return RosPublisher(publisher, gid_of(token))
 
-    def service(self, name: str, answer: Answer) -> None:
+    def service(self, name: str, answer: Respond) -> None:
         """Serve std_srvs/Trigger under a name."""
         key = key_of(self._domain_id, name, ros_types.TRIGGER)
 
@@ -195,7 +195,7 @@ class ServiceRequest:
         """Respond to the client, once. It may be gone."""
         response = ros_types.types().types[ros_types.TRIGGER_RESPONSE](success, message)
         attachment = self._attachment._replace(source_ns=source_ns)
-        data = ros_types.encode(response)
+        data = ros_types.encode_cdr(response)
         close_all(
             lambda: self._query.reply(self._key, data, attachment=attachment.encode()),
             self._query.drop,

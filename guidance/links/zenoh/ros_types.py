@@ -12,18 +12,18 @@ EXTRA: Final = "ros"
 
 POSE_STAMPED: Final = "geometry_msgs/msg/PoseStamped"
 TWIST_STAMPED: Final = "geometry_msgs/msg/TwistStamped"
-ODOMETRY: Final = "nav_msgs/msg/Odometry"
-PATH: Final = "nav_msgs/msg/Path"
-MARKERS: Final = "visualization_msgs/msg/MarkerArray"
-TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
-DIAGNOSTICS: Final = "diagnostic_msgs/msg/DiagnosticArray"
+ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"
+PATH_TYPE: Final = "nav_msgs/msg/Path"
+MARKERS_TYPE: Final = "visualization_msgs/msg/MarkerArray"
+TRANSFORMS_TYPE: Final = "tf2_msgs/msg/TFMessage"
+DIAGNOSTICS_TYPE: Final = "diagnostic_msgs/msg/DiagnosticArray"
 
 TRIGGER: Final = "std_srvs/srv/Trigger"
 TRIGGER_RESPONSE: Final = "std_srvs/srv/msg/Trigger_Response"
 TRIGGER_HASH: Final = "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f"
 """Hash of the service's type; `rosbags` computes those of messages only."""
 
-Message = Any
+RosValue = Any
 """A message: an object with the fields of its type. Vectors of numbers are arrays."""
 
 
@@ -53,13 +53,13 @@ def types() -> Any:  # noqa: ANN401 - of an extra
     return store
 
 
-def encode(message: Message) -> bytes:
+def encode_cdr(message: RosValue) -> bytes:
     """Return a message in plain CDR, little-endian, with four bytes of encapsulation."""
     data = types().serialize_cdr(message, message.__msgtype__, little_endian=True)
     return bytes(data)
 
 
-def decode(data: bytes, type_name: str) -> Message:
+def decode_cdr(data: bytes, type_name: str) -> RosValue:
     """Read a message in plain CDR version 1, of either byte order.
 
     Raises:

@@ -21,7 +21,7 @@ _REFUSED: Final = (
 MOST_QUERY_BYTES: Final = 65536
 """A larger query is dropped unread."""
 
-MOST_MESSAGE_BYTES: Final = 1_048_576
+_MOST_MESSAGE_BYTES: Final = 1_048_576
 """A router of ours ends the link of a party that sends a larger message, before it holds the whole in memory."""
 
 Session = zenoh.Session
@@ -56,7 +56,7 @@ def direct_session(
         ZError: If there is no session.
     """
     if mode == "router":
-        sizes = {"max_message_size": MOST_MESSAGE_BYTES}
+        sizes = {"max_message_size": _MOST_MESSAGE_BYTES}
         transport["link"] = {"rx": sizes, **transport.get("link", {})}
     document = {
         "mode": mode,

@@ -16,7 +16,7 @@ from guidance.links.port import Clock
 from guidance.links.zenoh.session import Session
 from guidance.links.zenoh.wire import Subscription
 
-MOST_MESSAGE_BYTES: Final = 16384
+MOST_TEAM_MESSAGE_BYTES: Final = 16384
 """A larger message of a team is dropped unread."""
 
 
@@ -52,7 +52,7 @@ class ZenohTeam:
     def _read(self, clock: Clock, sample: "zenoh.Sample") -> tuple[float, str, bytes]:
         """Read a sample; of one that is too large the key only, so that the board refuses and counts it."""
         payload = b""
-        if len(sample.payload) <= MOST_MESSAGE_BYTES:
+        if len(sample.payload) <= MOST_TEAM_MESSAGE_BYTES:
             payload = sample.payload.to_bytes()
         return clock(), str(sample.key_expr).removeprefix(self._prefix), payload
 

@@ -17,7 +17,7 @@ from guidance.links.zenoh.session import Session, close_all, open_session
 
 _MOST_PIECE_BYTES: Final = 65536
 
-T = TypeVar("T")
+_Opened = TypeVar("_Opened")
 
 
 def session_to(endpoint: Endpoint, credentials: Credentials, timeout_s: float) -> Session:
@@ -30,7 +30,7 @@ def session_to(endpoint: Endpoint, credentials: Credentials, timeout_s: float) -
     return open_session(router, timeout_s=timeout_s, credentials=credentials)
 
 
-class Subscription(Arrivals[T]):
+class Subscription(Arrivals[_Opened]):
     """What other sessions publish on a key expression.
 
     Args:
@@ -48,7 +48,7 @@ class Subscription(Arrivals[T]):
         self,
         session: Session,
         key: str,
-        read: Callable[["zenoh.Sample"], T],
+        read: Callable[["zenoh.Sample"], _Opened],
         *ends: Callable[[], object],
         most_bytes: float,
     ) -> None:

@@ -31,7 +31,7 @@ from guidance.strategies.own import Ask
 from guidance.team import Member
 
 HEARTBEAT_EVERY_S: Final = 1.0
-SHOWN_EVERY_S: Final = 1.0
+_SHOWN_EVERY_S: Final = 1.0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -161,7 +161,7 @@ class Daemon:
             transition.after is not transition.before for transition in outputs.transitions
         )
         counters = None
-        if now_s - self._shown_s >= SHOWN_EVERY_S or changed:
+        if now_s - self._shown_s >= _SHOWN_EVERY_S or changed:
             self._shown_s = now_s
             counters = self._counters(now_s)
         self.recording.report(now_s, self.flight, outputs, timing, counters)

@@ -38,7 +38,7 @@ _NUDGE_SHARE: Final = 0.05
 _CLOSE_S: Final = 0.0005
 
 PRIORITY: Final = 10
-NICE: Final = -10
+LOOP_NICE: Final = -10
 SWITCH_S: Final = 0.0005
 """Longest that a thread keeps the interpreter from another one that is ready, ten times less than Python's own."""
 
@@ -118,7 +118,7 @@ def claim() -> str:
             f"realtime {PRIORITY}",
             lambda thread: os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(PRIORITY)),
         ),
-        (f"nice {NICE}", lambda thread: os.setpriority(os.PRIO_PROCESS, thread, NICE)),
+        (f"nice {LOOP_NICE}", lambda thread: os.setpriority(os.PRIO_PROCESS, thread, LOOP_NICE)),
     )
     for words, raise_one in claims:
         with contextlib.suppress(PermissionError):

@@ -41,8 +41,8 @@ READY_WITHIN_S: Final = 120.0
 JUDGED_FOR_S: Final = 3.0
 """The run ends after preflight has refused an otherwise ready vehicle for this long."""
 
-ASK_EVERY_S: Final = 1.0
-SHOWN_EVERY_S: Final = 0.1
+_ASK_EVERY_S: Final = 1.0
+_SHOWN_EVERY_S: Final = 0.1
 """Period of the live line; events are shown at once."""
 
 _WARNING: Final = 4
@@ -320,7 +320,7 @@ class VehicleMission:
         begins = order in {Event.START, Event.ENGAGE}
         allowed = self._policy.engage if begins else self._policy.end_with is not None
         if allowed:
-            if now_s - self._asked_s >= ASK_EVERY_S:
+            if now_s - self._asked_s >= _ASK_EVERY_S:
                 self._asked_s = now_s
                 self.daemon.mailbox.ask(str(order), authority=Authority.MISSION)
         elif not begins and self.engaged_s is not None:
@@ -398,7 +398,7 @@ class VehicleMission:
         if ended or given_up:
             self._leave(now_s)
         if self._mission.show is not None and (
-            outputs.transitions or now_s - self._shown_s >= SHOWN_EVERY_S
+            outputs.transitions or now_s - self._shown_s >= _SHOWN_EVERY_S
         ):
             self._shown_s = now_s
             team = self.daemon.team

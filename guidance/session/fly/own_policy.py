@@ -14,13 +14,13 @@ import numpy as np
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError
+from guidance.game.arrays import FloatArray
 from guidance.strategies.own import (
     EVADER_SHARES,
     PURSUER_COLUMNS,
     PURSUER_SHARES,
     TARGET_COLUMNS,
     Answer,
-    Array,
     Ask,
     answer_of,
     is_own,
@@ -31,7 +31,7 @@ from guidance.strategies.own import (
 if TYPE_CHECKING:
     from guidance.sim.scenario import Scenario
 
-LONGEST_S: Final = 0.02
+LONGEST_ANSWER_S: Final = 0.02
 """Longest time for an answer: a cycle."""
 
 
@@ -67,7 +67,7 @@ def require_pursuer(policy: str, *, with_target: bool) -> None:
         require_fit(policy, _any_observation(with_target), PURSUER_SHARES)
 
 
-def _any_observation(with_target: bool) -> Array:
+def _any_observation(with_target: bool) -> FloatArray:
     return np.ones((1, PURSUER_COLUMNS + TARGET_COLUMNS if with_target else PURSUER_COLUMNS))
 
 
@@ -87,13 +87,13 @@ class TimedPolicy:
         self._choose = load_policy(name)
         self._clock = clock
 
-    def __call__(self, observation: Array) -> Answer:
+    def __call__(self, observation: FloatArray) -> Answer:
         """Return the answer to an observation, (1, k), or why there is none."""
         asked_s = self._clock.now_s()
         answer = answer_of(self.name, self._choose, observation)
         took_s = self._clock.now_s() - asked_s
-        if took_s > LONGEST_S:
-            return f"{self.name} took {1e3 * took_s:.0f} ms; a cycle has {1e3 * LONGEST_S:.0f} ms"
+        if took_s > LONGEST_ANSWER_S:
+            return f"{self.name} took {1e3 * took_s:.0f} ms; a cycle has {1e3 * LONGEST_ANSWER_S:.0f} ms"
         return answer
 
 
@@ -102,13 +102,13 @@ class PolicyThread:
 
     def __init__(self, timed: TimedPolicy) -> None:
         self._timed = timed
-        self._questions = queue.SimpleQueue[Array]()
+        self._questions = queue.SimpleQueue[FloatArray]()
         self._answers = queue.SimpleQueue[Answer]()
         self._is_late = False
         # It ends with the process, even within a policy that does not.
         threading.Thread(target=self._work, name="own policy", daemon=True).start()
 
-    def __call__(self, observation: Array) -> Answer:
+    def __call__(self, observation: FloatArray) -> Answer:
         """Return the answer to an observation, (1, k), or why there is none; never an answer to an earlier one."""
         if self._is_late and self._answers.empty():
             return f"{self._timed.name} still computes an earlier cycle"
@@ -117,10 +117,12 @@ class PolicyThread:
             self._is_late = False
         self._questions.put(observation)
         try:
-            return self._answers.get(timeout=LONGEST_S)
+            return self._answers.get(timeout=LONGEST_ANSWER_S)
         except queue.Empty:
             self._is_late = True
-            return f"{self._timed.name} takes longer than a cycle of {1e3 * LONGEST_S:.0f} ms"
+            return (
+                f"{self._timed.name} takes longer than a cycle of {1e3 * LONGEST_ANSWER_S:.0f} ms"
+            )
 
     def _work(self) -> None:
         while True:

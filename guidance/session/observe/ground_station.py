@@ -24,7 +24,7 @@ from guidance.log.sink import FlightIdentity, Report, Sink
 from guidance.session.observe.severe import SEVERE
 from guidance.session.orders.mailbox import Mailbox, Question
 
-ORDERS: Final[Mapping[int, Event]] = {
+ORDERS_BY_COMMAND: Final[Mapping[int, Event]] = {
     31010: Event.HOLD,
     31011: Event.RETURN,
     31012: Event.LAND,
@@ -42,13 +42,13 @@ NOTICE: Final = 5
 INFO: Final = 6
 """MAV_SEVERITY."""
 
-ACCEPTED: Final = 0
+RESULT_ACCEPTED: Final = 0
 TEMPORARILY_REJECTED: Final = 1
 DENIED: Final = 2
 UNSUPPORTED: Final = 3
 """MAV_RESULT."""
 
-HEARTBEAT_EVERY_S: Final = 1.0
+_HEARTBEAT_EVERY_S: Final = 1.0
 EVADER_EVERY_S: Final = 0.5
 TEXT_EVERY_S: Final = 0.2
 SAME_TEXT_EVERY_S: Final = 5.0
@@ -56,7 +56,7 @@ REPEATED_WITHIN_S: Final = 10.0
 """Time in which a sender repeats a command whose answer was lost."""
 
 MOST_TEXTS: Final = 8
-MOST_ORDERS: Final = 8
+_MOST_ORDERS: Final = 8
 
 _WORDS: Final[Mapping[State, str]] = {
     State.HOLDING: "held",
@@ -108,7 +108,7 @@ class GroundStationOutput(Sink):
     def report(self, report: Report) -> None:
         """Say what the cycle changed, and read and answer orders."""
         now_s = report.now_s
-        if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
+        if now_s - self._heartbeat_s >= _HEARTBEAT_EVERY_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()
         for text in texts_of(report.outputs, self._unit):
@@ -176,9 +176,9 @@ class GroundStationOutput(Sink):
             return
         accepted_s = self._accepted_s.get(first, float("-inf"))
         was_accepted = command.repeated and now_s - accepted_s < REPEATED_WITHIN_S
-        order = ORDERS.get(command.command)
+        order = ORDERS_BY_COMMAND.get(command.command)
         if was_accepted and first == self._in_force:
-            self._link.answer(command, ACCEPTED)
+            self._link.answer(command, RESULT_ACCEPTED)
         elif order is None:
             self._link.answer(command, UNSUPPORTED)
         elif order in SIGNED_ONLY and not command.signed:
@@ -189,7 +189,7 @@ class GroundStationOutput(Sink):
             self._link.answer(command, TEMPORARILY_REJECTED)
             words = f"guidance: {order} refused: ended since; order anew"
             self._keep(now_s, _Text(WARNING, words))
-        elif len(self._asked) >= MOST_ORDERS:
+        elif len(self._asked) >= _MOST_ORDERS:
             self.dropped += 1
             self._link.answer(command, TEMPORARILY_REJECTED)
         else:
@@ -211,7 +211,7 @@ class GroundStationOutput(Sink):
                 }
                 self._accepted_s[command] = now_s
                 self._in_force = command
-                self._link.answer(command, ACCEPTED)
+                self._link.answer(command, RESULT_ACCEPTED)
                 continue
             self._link.answer(command, TEMPORARILY_REJECTED)
             words = f"guidance: {question.order} refused: {answer.get('reason', '')}"
@@ -220,7 +220,9 @@ class GroundStationOutput(Sink):
 
 def _ends_an_order(transition: Transition) -> bool:
     """Whether a change of the state ends what was ordered before."""
-    ended = transition.event in ORDERS.values() or transition.after in HANDING_OVER | FINAL
+    ended = (
+        transition.event in ORDERS_BY_COMMAND.values() or transition.after in HANDING_OVER | FINAL
+    )
     return ended and transition.after is not transition.before
 
 

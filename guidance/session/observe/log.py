@@ -18,15 +18,15 @@ from guidance.session.observe.severe import SEVERE
 from guidance.session.orders.answers import flight_line
 from guidance.texts import printable
 
-LOGGER: Final = "guidance"
-MOST_WAITING: Final = 1000
-STOP_LIMIT_S: Final = 2.0
+LOGGER_NAME: Final = "guidance"
+MOST_LINES_WAITING: Final = 1000
+_STOP_LIMIT_S: Final = 2.0
 _STALLED_S: Final = 2.5
 """Age of the live line from which it is shown as old; it is updated once a second."""
 
 
 class Log(logging.Handler, Sink):
-    """Structured logging for one process, as the handler of `LOGGER`.
+    """Structured logging for one process, as the handler of `LOGGER_NAME`.
 
     Args:
         form: "json" or "console".
@@ -50,7 +50,7 @@ class Log(logging.Handler, Sink):
         self._waiting: queue.SimpleQueue[logging.LogRecord | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._serve, name="log", daemon=True)
         self._thread.start()
-        self._logger = logging.getLogger(LOGGER)
+        self._logger = logging.getLogger(LOGGER_NAME)
         self._logger.setLevel(level.upper())
         self._logger.propagate = False
         self._logger.addHandler(self)
@@ -72,16 +72,16 @@ class Log(logging.Handler, Sink):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Keep a record for the writing thread."""
-        if self._waiting.qsize() < MOST_WAITING:
+        if self._waiting.qsize() < MOST_LINES_WAITING:
             self._waiting.put(record)
         else:
             self.dropped += 1
 
     def close(self) -> None:
-        """Write what waits, within `STOP_LIMIT_S`, and stop. May be called twice."""
+        """Write what waits, within `_STOP_LIMIT_S`, and stop. May be called twice."""
         self._logger.removeHandler(self)
         self._waiting.put(None)
-        self._thread.join(STOP_LIMIT_S)
+        self._thread.join(_STOP_LIMIT_S)
         super().close()
 
     def _serve(self) -> None:

@@ -36,19 +36,19 @@ from guidance.log.ros import (
 )
 from guidance.log.sink import Sink
 from guidance.session.flight_files import recorded_settings
-from guidance.session.observe.log import LOGGER
+from guidance.session.observe.log import LOGGER_NAME
 from guidance.session.orders.control_socket import begin_exchange
 from guidance.session.orders.mailbox import MOST_ORDERS, Mailbox
 from guidance.session.output_sections import RosSection
 from guidance.session.vehicle_file import Config
 
-NODE: Final = "guidance"
+_NODE: Final = "guidance"
 """Name of the node; its namespace is the vehicle's name."""
 
-ORDERS: Final = (Event.HOLD, Event.LAND, Event.RETURN, Event.ENGAGE)
+ORDER_SERVICES: Final = (Event.HOLD, Event.LAND, Event.RETURN, Event.ENGAGE)
 """Orders that are services, std_srvs/Trigger, under their own words."""
 
-MOST_WAITING: Final = 256
+MOST_TOPICS_WAITING: Final = 256
 """Five seconds of cycles; further entries are dropped and counted."""
 
 _EVERY_S: Final = MOTION_EVERY_S
@@ -94,7 +94,7 @@ class RosOutput(Sink):
         self._clock = clock
         self._started_unix_s = started_unix_s
         self._mailbox = mailbox
-        self._log = logging.getLogger(LOGGER)
+        self._log = logging.getLogger(LOGGER_NAME)
         self._orders = threading.BoundedSemaphore(MOST_ORDERS)
         self._waiting = deque[CycleEntry | EventEntry]()
         self.publishers: dict[Topic, RosPublisher] = {}
@@ -123,7 +123,7 @@ class RosOutput(Sink):
         return len(self._waiting)
 
     def _keep(self, entry: CycleEntry | EventEntry) -> None:
-        if len(self._waiting) >= MOST_WAITING:
+        if len(self._waiting) >= MOST_TOPICS_WAITING:
             self.dropped += 1
         else:
             self._waiting.append(entry)
@@ -135,7 +135,7 @@ class RosOutput(Sink):
         try:
             # Appear in the ROS graph with all topics and services.
             vehicle = self._flight.name
-            node = RosNode(session, self._section.domain_id, f"/{vehicle}", NODE)
+            node = RosNode(session, self._section.domain_id, f"/{vehicle}", _NODE)
             for topic in TOPICS:
                 depth = _TRANSFORMS_DEPTH if topic is TRANSFORMS else DEPTH
                 name = topic_name(vehicle, topic)
@@ -143,7 +143,7 @@ class RosOutput(Sink):
                 self._by_name[name] = publisher
                 self.publishers[topic] = publisher
             if self._section.orders:
-                for order in ORDERS:
+                for order in ORDER_SERVICES:
                     node.service(f"/{vehicle}/{order}", partial(self._hear, order))
             rounds = 0
             stopped = False
@@ -188,7 +188,7 @@ class RosOutput(Sink):
                     continue
                 source_ns = nanoseconds_of(self._started_unix_s + entry.now_s)
                 for topic, content in self._flight.cycle(entry, self.wanted):
-                    self._by_name[topic].put(ros_types.encode(content), source_ns)
+                    self._by_name[topic].put(ros_types.encode_cdr(content), source_ns)
             except (ConfigError, ValueError, TypeError, ArithmeticError):
                 self.dropped += 1  # an entry that cannot be a message
 

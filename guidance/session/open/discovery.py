@@ -36,7 +36,7 @@ from guidance.session.vehicle_file import Config
 from guidance.vehicle import VehicleState, local_frame, observe
 
 FOUND_WITHIN_S: Final = 15.0
-READ_WITHIN_S: Final = 10.0
+DISCOVERED_WITHIN_S: Final = 10.0
 
 PLACED_WITHIN_S: Final = 120.0
 """Longest wait for a position. An ArduCopter takes 25 to 45 s after its start."""
@@ -255,7 +255,7 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
         ) as link:
             link.send_heartbeat()
             # An old firmware may lack a parameter
-            for now_s, messages in _heard(link, clock, READ_WITHIN_S):
+            for now_s, messages in _heard(link, clock, DISCOVERED_WITHIN_S):
                 memory.observe(messages, ())
                 if memory.complete:
                     break

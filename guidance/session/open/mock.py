@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from guidance.clock import MonotonicClock, VirtualClock
-from guidance.links.opening import KINDS
+from guidance.links.opening import MAVLINK_LINKS
 from guidance.session.fly.daemon import Equipment
 from guidance.session.open.opened import (
     FlyableScenario,
@@ -40,7 +40,7 @@ class MockOptions:
     over: str = "zenoh"
 
     def __post_init__(self) -> None:
-        check_option("--link", self.link, KINDS)
+        check_option("--link", self.link, MAVLINK_LINKS)
         check_option("--over", self.over, live.OVER)
 
     @property

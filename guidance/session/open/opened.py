@@ -9,7 +9,7 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError
 from guidance.links.world import World
 from guidance.links.zenoh.session import Session
-from guidance.session.flight_files import TEAM
+from guidance.session.flight_files import TEAM_FOLDER
 from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.loop import Signals
 from guidance.session.fly.mission import MOCKED, MissionPolicy, Show
@@ -62,7 +62,7 @@ def pursuits_and_team(scenario: FlyableScenario) -> tuple[Sequence[Pursuit], str
     """Return who pursues whom, and the name of the team; empty without one."""
     if isinstance(scenario, Scenario):
         return (Pursuit(scenario),), ""
-    return pursuits_of_team(scenario), TEAM
+    return pursuits_of_team(scenario), TEAM_FOLDER
 
 
 def declared_m_s(pursuits: Sequence[Pursuit]) -> dict[str, float]:

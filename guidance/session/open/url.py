@@ -16,7 +16,7 @@ from guidance.links.section import Vehicle
 from guidance.links.wires.base import MemoryWire, share
 from guidance.links.world import World
 from guidance.messages import Home
-from guidance.session.flight_files import TEAM
+from guidance.session.flight_files import TEAM_FOLDER
 from guidance.session.fly.loop import Signals
 from guidance.session.fly.mission import MissionPolicy, Progress, Show
 from guidance.session.open import discovery
@@ -157,7 +157,7 @@ class Asked:
                         others[name] = {**simulated, "speed_m_s": speed_m_s}
                 mates = [mate.vehicle for mate in pursuits if mate.vehicle != pursuit.vehicle]
                 team = {
-                    "name": TEAM,
+                    "name": TEAM_FOLDER,
                     "mates": mates,
                     "evader": pursuit.evader,
                     "evaders": others,

@@ -17,7 +17,12 @@ import zenoh
 from guidance.errors import GuidanceError, LinkError
 from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh.session import Session, close_all, direct_session, is_small
-from guidance.session.orders.control_client import TEAM, control_key, join_session, order_team
+from guidance.session.orders.control_client import (
+    TEAM_PARAMETER,
+    control_key,
+    join_session,
+    order_team,
+)
 from guidance.session.orders.control_socket import ControlSocket, begin_exchange
 from guidance.session.orders.control_token import (
     ControlToken,
@@ -113,7 +118,7 @@ def control_bus(
         """On Zenoh's thread, which must not wait. Queries never keep an order out."""
         small = is_small(query)
         mailbox.oversized += not small
-        if not small or query.parameters.get(TEAM) not in {None, team}:
+        if not small or query.parameters.get(TEAM_PARAMETER) not in {None, team}:
             query.drop()  # type: ignore[no-untyped-call]
             return
         word = str(query.key_expr).rpartition("/")[2]

@@ -18,15 +18,15 @@ from guidance.session.orders.control_token import read_token, token_path
 from guidance.session.orders.replies import (
     MAX_REPLY_BYTES,
     NAME_RULE,
-    Answer,
+    Reply,
     bad_reply,
     is_vehicle_name,
     read_reply,
     refused,
 )
-from guidance.session.orders.words import ALIVE, STATUS, TIMEOUT_S
+from guidance.session.orders.words import ALIVE, REPLY_TIMEOUT_S, STATUS
 
-TEAM: Final = "team"
+TEAM_PARAMETER: Final = "team"
 """Parameter of a query: only vehicles of this team follow it."""
 
 _MAX_VEHICLES: Final = 64
@@ -72,8 +72,8 @@ def ask(
     *,
     endpoint: str,
     by: str = "",
-    timeout_s: float = TIMEOUT_S,
-) -> Answer:
+    timeout_s: float = REPLY_TIMEOUT_S,
+) -> Reply:
     """Give an order to the daemon called `name`; without a name, to the only one there is.
 
     Args:
@@ -111,8 +111,8 @@ def order_team(
     names: Collection[str],
     *,
     by: str = "",
-    timeout_s: float = TIMEOUT_S,
-) -> list[Answer]:
+    timeout_s: float = REPLY_TIMEOUT_S,
+) -> list[Reply]:
     """Give an order to a team on a session; return an answer for each vehicle.
 
     `start` and `engage` are given only if every one of them would accept it now.
@@ -129,7 +129,7 @@ def order_team(
         LinkError: If no vehicle of the team answers.
     """
 
-    def asked(word: str) -> dict[str, Answer]:
+    def asked(word: str) -> dict[str, Reply]:
         return _team_answers(session, word, team, names, by, timeout_s)
 
     if order not in _ALL_OR_NONE:
@@ -156,9 +156,9 @@ def order_team(
 
 def _team_answers(
     session: Session, order: str, team: str, names: Collection[str], by: str, timeout_s: float
-) -> dict[str, Answer]:
+) -> dict[str, Reply]:
     """Return an answer for each vehicle of a team, or for each of `names`, sorted; some may say "not heard"."""
-    answers = dict[str, Answer]()
+    answers = dict[str, Reply]()
     targets: Collection[str] = names
     if not names:
         targets = ("*",)
@@ -184,7 +184,7 @@ def _team_answers(
 
 def replies(
     session: Session, name: str, order: str, timeout_s: float, by: str = "", team: str = ""
-) -> Iterator[Answer]:
+) -> Iterator[Reply]:
     """Ask a daemon, or all for the name "*", at once; return an iterator that yields each answer when it arrives.
 
     The vehicle's name comes from the key of its reply. A reply that cannot be used becomes a refusal in its name.
@@ -203,13 +203,13 @@ def replies(
     for option, value in (("--name", name), ("--team", team)):
         if value not in {"", "*"} and not is_vehicle_name(value):
             raise ConfigError(f"{option} {value!r}: {NAME_RULE}")
-    key = control_key(name, order) + (f"?{TEAM}={team}" if team else "")
+    key = control_key(name, order) + (f"?{TEAM_PARAMETER}={team}" if team else "")
     payload = by.encode() if by else None
     received = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=payload)
     return _valid_answers(received, name, order)
 
 
-def _valid_answers(received: Iterable[zenoh.Reply], name: str, order: str) -> Iterator[Answer]:
+def _valid_answers(received: Iterable[zenoh.Reply], name: str, order: str) -> Iterator[Reply]:
     answered = set[str]()
     for reply in received:
         if reply.ok is None:
@@ -226,14 +226,14 @@ def _valid_answers(received: Iterable[zenoh.Reply], name: str, order: str) -> It
 
 def answers(
     session: Session, name: str, order: str, timeout_s: float, by: str = "", team: str = ""
-) -> Sequence[Answer]:
+) -> Sequence[Reply]:
     """Ask a daemon, or all for the name "*", and return every answer; arguments as of `replies`."""
     return list(replies(session, name, order, timeout_s, by, team))
 
 
 def say_alive(session: Session, name: str) -> None:
     """Send an operator's sign of life to a daemon, without waiting for the answer."""
-    session.get(control_key(name, ALIVE), lambda _: None, timeout=TIMEOUT_S)
+    session.get(control_key(name, ALIVE), lambda _: None, timeout=REPLY_TIMEOUT_S)
 
 
 def control_key(name: str, order: str) -> str:

@@ -16,7 +16,7 @@ from typing import Any, Final, Protocol
 
 from guidance.errors import GuidanceError, OutputError
 from guidance.session.orders.control_token import ControlToken, reachable, socket_path
-from guidance.session.orders.replies import Answer, written
+from guidance.session.orders.replies import Reply, written
 from guidance.session.orders.words import WORDS, name_in
 
 _ASKED_WITHIN_S: Final = 1.0
@@ -60,7 +60,7 @@ class PassOn(Protocol):
 
     def __call__(
         self, order: str, team: str, names: Collection[str], *, by: str
-    ) -> Sequence[Answer]:
+    ) -> Sequence[Reply]:
         """Raise LinkError if no vehicle of the team answers."""
 
 
@@ -80,7 +80,7 @@ class ControlSocket:
     def __init__(
         self,
         name: str,
-        answer: Callable[[str, str], Answer],
+        answer: Callable[[str, str], Reply],
         token: ControlToken,
         pass_on: PassOn | None = None,
     ) -> None:

@@ -8,7 +8,7 @@ of a process that ends: it hands the vehicle to the autopilot and waits until HE
 
 import math
 import queue
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import Any, Final
 
@@ -17,6 +17,7 @@ from guidance.clock import Clock
 from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, EngageOn, Event, Flight, State
 from guidance.flight.table import ASKED_MODES, HANDING_OVER
 from guidance.preflight import PreflightMemory, engage_rows, parameter_names, refusals
+from guidance.session.orders.replies import Reply
 from guidance.session.orders.words import ALIVE, STATUS, WORDS
 
 MOST_ORDERS: Final = 64
@@ -27,7 +28,6 @@ ANSWER_LIMIT_S: Final = 2.0
 QUERIES: Final = frozenset({STATUS, ALIVE})
 """Words that are answered with the status and change nothing."""
 
-Answer = Mapping[str, Any]
 
 HANDOVER_LIMIT_S: Final = 12.0
 """After this the daemon ends anyway: its stream ends, and the autopilot's own failsafe acts."""
@@ -40,7 +40,7 @@ FENCE_WITHIN_S: Final = 10.0
 """Time in which an order that was refused because the fence was still being read can be repeated."""
 
 
-class Question(Future[Answer]):
+class Question(Future[Reply]):
     """One order or query; its result is the answer.
 
     Args:
@@ -67,7 +67,7 @@ class Mailbox:
     def __init__(self) -> None:
         self._orders = queue.Queue[Question](MOST_ORDERS)
         self._queries = queue.Queue[Question](MOST_QUERIES)
-        self.meanwhile: Callable[[str], Answer] | None = None
+        self.meanwhile: Callable[[str], Reply] | None = None
         self.oversized = 0
 
     @property
@@ -90,7 +90,7 @@ class Mailbox:
             question.set_result({"accepted": False, "order": order, "reason": reason})
         return question
 
-    def answer(self, order: str, by: str) -> Answer:
+    def answer(self, order: str, by: str) -> Reply:
         """Put an order or a query to the loop, and wait for the answer, `ANSWER_LIMIT_S` at most."""
         try:
             return self.ask(order, by).result(ANSWER_LIMIT_S)
@@ -107,7 +107,7 @@ class Mailbox:
 
 def startup_answers(
     name: str, waiting_for: str, limit_s: float, clock: Clock
-) -> Callable[[str], Answer]:
+) -> Callable[[str], Reply]:
     """Return what answers every order before the loop runs: the status, or a refusal until the vehicle is there.
 
     Args:
@@ -118,7 +118,7 @@ def startup_answers(
     """
     since_s = clock.now_s()
 
-    def answer_of(order: str) -> Answer:
+    def answer_of(order: str) -> Reply:
         waited_s = round(clock.now_s() - since_s, 1)
         answer: dict[str, Any] = {
             "order": order,

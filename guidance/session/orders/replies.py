@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from guidance.texts import printable
 
-Answer = Mapping[str, Any]
+Reply = Mapping[str, Any]
 
 MAX_REPLY_BYTES: Final = 1 << 18
 """A status of a team of thirty has 20 kB."""
@@ -36,7 +36,7 @@ _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,32}")
 
 NAME_RULE: Final = "a name has up to 32 letters, digits, - and _"
 
-Check = Callable[[object], bool]
+_Check = Callable[[object], bool]
 
 
 def _is_text(value: object) -> bool:
@@ -51,11 +51,11 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _is_none_or(check: Check, value: object) -> bool:
+def _is_none_or(check: _Check, value: object) -> bool:
     return value is None or check(value)
 
 
-def _is_list(check: Check, value: object) -> bool:
+def _is_list(check: _Check, value: object) -> bool:
     return isinstance(value, list) and all(map(check, value))
 
 
@@ -67,7 +67,7 @@ def _is_texts_by_name(value: object) -> bool:
     return isinstance(value, dict) and all(map(_is_text, value.values()))
 
 
-def _is_record(needed: Mapping[str, Check], optional: Mapping[str, Check], value: object) -> bool:
+def _is_record(needed: Mapping[str, _Check], optional: Mapping[str, _Check], value: object) -> bool:
     """Check the fields of an object. More fields are allowed: a newer daemon may have some."""
     if not isinstance(value, dict) or not needed.keys() <= value.keys():
         return False
@@ -123,7 +123,7 @@ _NUMBERS: Final = (
     "heartbeat_age_s", "position_age_s", "evader_silence_s", "operator_silence_s", "operator_timeout_s", "battery",
     "height_m", "range_m", "waited_s", "connect_timeout_s",
 )  # fmt: skip
-_FIELDS: Final[Mapping[str, Check]] = {
+_FIELDS: Final[Mapping[str, _Check]] = {
     **dict.fromkeys(_TEXTS, _is_text),
     **dict.fromkeys(_NUMBERS, _MAYBE_NUMBER),
     "waiting_for": _is_text,
@@ -149,7 +149,7 @@ _TOGETHER: Final = (
 """Fields that are shown together: a reply with the first has the others."""
 
 
-def read_reply(data: bytes, name: str, order: str) -> Answer:
+def read_reply(data: bytes, name: str, order: str) -> Reply:
     """Read a daemon's reply to an order or a query; a bad one becomes a refusal that says what is wrong.
 
     Args:
@@ -175,7 +175,7 @@ def written(answer: object) -> bytes:
     return json.dumps(_without_nan(answer)).encode()
 
 
-def bad_reply(name: str, order: str, reason: str) -> Answer:
+def bad_reply(name: str, order: str, reason: str) -> Reply:
     """Return the refusal that stands for a reply that cannot be used."""
     words = (
         f"its daemon's reply cannot be used ({reason}); check its version, or take over by radio"
@@ -183,12 +183,12 @@ def bad_reply(name: str, order: str, reason: str) -> Answer:
     return refused(name, order, BAD_REPLY, words)
 
 
-def refused(name: str, order: str, state: str, reason: str) -> Answer:
+def refused(name: str, order: str, state: str, reason: str) -> Reply:
     """Return a refusal in place of a daemon's own."""
     return {"accepted": False, "name": name, "order": order, "state": state, "reason": reason}
 
 
-def is_bad(answer: Answer) -> bool:
+def is_bad(answer: Reply) -> bool:
     """Whether the answer stands for a reply that cannot be used."""
     return bool(answer.get("state") == BAD_REPLY)
 

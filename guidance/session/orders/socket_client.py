@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from guidance.errors import ConfigError, LinkError
 from guidance.session.orders.control_token import reachable, read_token, socket_path, token_path
-from guidance.session.orders.replies import MAX_REPLY_BYTES, Answer, read_reply, written
-from guidance.session.orders.words import TEAM_TIMEOUT_S, TIMEOUT_S, WORDS
+from guidance.session.orders.replies import MAX_REPLY_BYTES, Reply, read_reply, written
+from guidance.session.orders.words import REPLY_TIMEOUT_S, TEAM_TIMEOUT_S, WORDS
 from guidance.texts import printable
 
 _LONGEST_ANSWER: Final = 32 * MAX_REPLY_BYTES
@@ -25,7 +25,7 @@ class SilentDaemonError(LinkError):
 
 def ask_here(
     order: str, *, endpoint: str, name: str | None, token_file: Path | None = None, by: str = ""
-) -> Answer | None:
+) -> Reply | None:
     """Give an order to the daemon of an endpoint by its socket on this computer.
 
     Args:
@@ -43,7 +43,7 @@ def ask_here(
         LinkError: If the daemon has another name, does not know the token or does not answer.
     """
     request = {"order": _known(order), "name": name, "by": by}
-    data = _exchanged(request, endpoint, token_file, TIMEOUT_S)
+    data = _exchanged(request, endpoint, token_file, REPLY_TIMEOUT_S)
     if data is None:
         return None
     reply = _opened(data, endpoint)
@@ -59,7 +59,7 @@ def ask_team_here(
     endpoint: str,
     token_file: Path | None = None,
     by: str = "",
-) -> Sequence[Answer] | None:
+) -> Sequence[Reply] | None:
     """Give an order to a team by the socket of the daemon that hosts its endpoint on this computer.
 
     Args:

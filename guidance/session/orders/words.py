@@ -19,7 +19,7 @@ WORDS: Final = ("abort", "engage", "hold", "land", "return", "start", RESET, STA
 ENDPOINT: Final = "tcp/127.0.0.1:7448"
 """Default control endpoint of daemons and flights."""
 
-TIMEOUT_S: Final = 4.0
+REPLY_TIMEOUT_S: Final = 4.0
 """Time limit for the answer, longer than the mailbox waits for the loop."""
 
 TEAM_ANSWER_LIMIT_S: Final = 2.5

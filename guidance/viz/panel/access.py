@@ -35,11 +35,11 @@ MIN_PASSWORD_LENGTH: Final = 12
 PASSWORD_INTERVAL_S: Final = 1.0
 """After a wrong password, the answers to its address are so late for so long, whatever the password is.
 
-The right one always gets in. Who guesses needs a connection for each guess meanwhile: at most `MAX_CONNECTIONS` guesses
-in this time.
+The right one always gets in. Who guesses needs a connection for each guess meanwhile: at most
+`MAX_OPEN_CONNECTIONS` guesses in this time.
 """
 
-MAX_CONNECTIONS: Final = 256
+MAX_OPEN_CONNECTIONS: Final = 256
 LOGIN_DEADLINE_S: Final = 10.0
 """Time from a connection's first packet to a request with the cookie, including the TLS handshake."""
 
@@ -338,8 +338,8 @@ class Stranger(NamedTuple):
 class Listener:
     """Passes accepted connections to a web server, which does not bound their number and the time of a request's head.
 
-    A connection without the cookie is closed after `LOGIN_DEADLINE_S`. At `MAX_CONNECTIONS`, a new one takes the place
-    of the oldest without the cookie, so idle connections never keep a person out.
+    A connection without the cookie is closed after `LOGIN_DEADLINE_S`. At `MAX_OPEN_CONNECTIONS`, a new one takes the
+    place of the oldest without the cookie, so idle connections never keep a person out.
 
     Args:
         server: Of an `aiohttp.web.AppRunner`.
@@ -365,7 +365,7 @@ class Listener:
                 await asyncio.sleep(0.1)
                 continue
             self.close_late()
-            if len(self._strangers.keys() | self._server.connections) >= MAX_CONNECTIONS:
+            if len(self._strangers.keys() | self._server.connections) >= MAX_OPEN_CONNECTIONS:
                 if not self._strangers:
                     accepted.close()
                     continue

@@ -77,7 +77,7 @@ LOCAL_JOIN_LIMIT_S: Final = 1.5
 
 REMOTE_JOIN_LIMIT_S: Final = 3.0
 
-ANSWER_LIMIT_S: Final = 1.5
+STATUS_TIMEOUT_S: Final = 1.5
 ORDER_LIMIT_S: Final = 4.0
 OPERATOR_LIMIT_S: Final = 2.0
 """An operator counts as present so long after a sign of life; pages send one every second."""
@@ -200,12 +200,14 @@ class DaemonBus:
             if self._clock.now_s() - self._operator_seen_s.get(name, -math.inf) <= OPERATOR_LIMIT_S:
                 say_alive(session, name)
         names = set[str]()
-        for status in replies(session, "*", STATUS, ANSWER_LIMIT_S):
+        for status in replies(session, "*", STATUS, STATUS_TIMEOUT_S):
             name = status["name"]
             names.add(name)
             self.reason = ""
             if name not in self._known:
-                session.get(broadcast_key(name, FLIGHT), self._queue_flight, timeout=ANSWER_LIMIT_S)
+                session.get(
+                    broadcast_key(name, FLIGHT), self._queue_flight, timeout=STATUS_TIMEOUT_S
+                )
             self._add(name, status)
         self._known &= names  # a daemon that was away may have restarted
         if not names:

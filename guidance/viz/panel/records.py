@@ -17,14 +17,15 @@ from typing import Any, Final
 from aiohttp import web
 
 from guidance.errors import OutputError
+from guidance.log.export import EXPORTS
 
 MAX_LISTED: Final = 60
 MAX_KEPT: Final = 24
 """Results kept on disk, the most recently used. A replay is a few megabytes."""
 
 TIME_LIMIT_S: Final = 180.0
-NICE: Final = 15
-EXPORTS: Final = ("tlog", "csv", "parquet", "geojson", "kml")
+_NICE: Final = 15
+_EXPORTS: Final = tuple(ending.removeprefix(".") for ending in EXPORTS)
 
 _GUIDANCE: Final = ("-c", "from guidance.cli import main; main()")
 _SNAPSHOTS: Final = ("-m", "guidance.viz.panel.snapshot")
@@ -39,7 +40,7 @@ _MADE: Final[Mapping[str, tuple[tuple[str, ...], str, str]]] = {
             f"flight.{end}",
             _DOWNLOAD,
         )
-        for end in EXPORTS
+        for end in _EXPORTS
     },
 }
 """Kind -> command, the file that it writes or that gets its output, content type."""
@@ -152,7 +153,7 @@ class RecordFolder:
 
     async def _list(self, _: web.Request) -> web.StreamResponse:
         return web.json_response(
-            {"folder": str(self.folder), "exports": EXPORTS, "records": self.listed()}
+            {"folder": str(self.folder), "exports": _EXPORTS, "records": self.listed()}
         )
 
     async def _product(self, request: web.Request) -> web.StreamResponse:
@@ -202,7 +203,7 @@ async def output_lines(*arguments: str) -> AsyncIterator[bytes]:
     assert child.stdout is not None
     assert child.stderr is not None
     with contextlib.suppress(ProcessLookupError):
-        os.setpriority(os.PRIO_PROCESS, child.pid, NICE)
+        os.setpriority(os.PRIO_PROCESS, child.pid, _NICE)
     try:
         async with asyncio.timeout(TIME_LIMIT_S):
             reading_errors = asyncio.create_task(child.stderr.read())

@@ -19,7 +19,7 @@ from guidance.viz.panel.access import PAGE, Access, Listener, map_of
 from guidance.viz.panel.hub import Hub
 from guidance.viz.panel.records import RecordFolder
 
-NICE: Final = 5
+PANEL_NICE: Final = 5
 """Lower priority than the flight, but not the lowest: orders pass through the panel."""
 
 SEND_INTERVAL_S: Final = 0.1

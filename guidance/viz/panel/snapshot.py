@@ -36,7 +36,7 @@ from guidance.session.flight_files import RECORD, recorded_settings
 from guidance.texts import printable
 
 ISOCHRON_INTERVAL_S: Final = 1.0
-ALARM_SHOWN_S: Final = 10.0
+_ALARM_SHOWN_S: Final = 10.0
 """How long an alarm is shown."""
 
 BATTERY_CAUTION: Final = 0.1
@@ -265,7 +265,7 @@ class SnapshotFold:
         certificate = row.certificate
         cycle = self._flight.cycle
         alarm = self._alarm
-        if alarm is None or row.now_s - alarm["since_s"] > ALARM_SHOWN_S:
+        if alarm is None or row.now_s - alarm["since_s"] > _ALARM_SHOWN_S:
             lasting_alarm = None
         else:
             lasting_alarm = alarm
@@ -468,7 +468,7 @@ def read_or_error(read: Callable[[Path], Plain], path: Path) -> Plain:
         return {"error": str(error)}
 
 
-def main(what: str, *files: str) -> int:
+def write_json(what: str, *files: str) -> int:
     """Write the replay of a file as JSON, or the outcome of each as a line."""
     for path in map(Path, files):
         shown: Any
@@ -481,4 +481,4 @@ def main(what: str, *files: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    sys.exit(write_json(*sys.argv[1:]))

@@ -4,7 +4,7 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.clock import VirtualClock
 from guidance.links import MemoryWire
 from guidance.links.evaders.carriers import GLOBAL_POSITION
-from guidance.links.evaders.mavlink import ASK_AGAIN_S, MavlinkEvader
+from guidance.links.evaders.mavlink import RATE_AGAIN_S, MavlinkEvader
 from sitl_mock import Home, MockVehicle
 from tests.links.peer import Peer
 
@@ -51,7 +51,7 @@ def test_an_evader_that_fell_silent_is_asked_again_until_it_is_back():
     rover.run(3.0)
     asked = rover.evader.counters()["requests_sent"]
     rover.silent = True
-    assert rover.run(2.0 * ASK_AGAIN_S) == []
+    assert rover.run(2.0 * RATE_AGAIN_S) == []
     assert rover.evader.counters()["requests_sent"] > asked
     rover.silent = False
     assert rover.run(2.0)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.links import MemoryWire
-from guidance.links.mavlink.pymavlink_link import QUEUE_LENGTH, PymavlinkLink
+from guidance.links.mavlink.pymavlink_link import MESSAGE_QUEUE_LENGTH, PymavlinkLink
 from guidance.messages import CommandAck, LocalPosition, StatusText, Timesync
 from tests.links.peer import Peer
 
@@ -120,7 +120,7 @@ def test_implausible_values_are_counted_and_dropped():
 
 def test_unread_messages_are_bounded_and_the_newest_kept():
     world = World()
-    total = QUEUE_LENGTH + 500
+    total = MESSAGE_QUEUE_LENGTH + 500
     for n in range(total):
         world.peer.local_position(n)
         if n % 500 == 0:
@@ -128,6 +128,6 @@ def test_unread_messages_are_bounded_and_the_newest_kept():
     kept = [
         message.time_boot_s for message in world.exchange() if isinstance(message, LocalPosition)
     ]
-    assert len(kept) == QUEUE_LENGTH
+    assert len(kept) == MESSAGE_QUEUE_LENGTH
     assert kept[-1] == pytest.approx((total - 1) / 1e3)
     assert world.link.counters()["overflowed"] == 500

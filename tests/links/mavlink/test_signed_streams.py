@@ -13,7 +13,12 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.errors import ConfigError
 from guidance.links.mavlink.frames import FrameReader, SignatureCheck, SigningKey, ticks
 from guidance.links.mavlink.ground_link import COMPONENT_ID, GroundLink
-from guidance.links.mavlink.signed_streams import LEAD_S, MOST_WAITING, SignedStreams, state_folder
+from guidance.links.mavlink.signed_streams import (
+    LEAD_S,
+    MOST_FRAMES_WAITING,
+    SignedStreams,
+    state_folder,
+)
 from guidance.links.wires.base import MemoryWire
 from guidance.links.wires.udp import AddressPins
 from tests.links.peer import Peer
@@ -52,7 +57,7 @@ def problem(check, frame):
 
 def written(key, check, frame):
     """Offer the first frame of a stream until the file has a bound for it; the thread writes it."""
-    for _ in range(MOST_WAITING // 2):
+    for _ in range(MOST_FRAMES_WAITING // 2):
         reason = problem(check, frame)
         if reason is None:
             return
@@ -159,8 +164,8 @@ def test_a_damaged_file_is_named_and_never_taken_for_none(tmp_path, text):
 def test_a_disk_that_refuses_stops_no_flight(tmp_path):
     (tmp_path / "file").write_text("")
     streams = SignedStreams(tmp_path / "file" / "signed.json")
-    uses = [streams.may_use((0, 1, 1), number) for number in range(MOST_WAITING + 50)]
-    assert uses == [False] * MOST_WAITING + [True] * 50
+    uses = [streams.may_use((0, 1, 1), number) for number in range(MOST_FRAMES_WAITING + 50)]
+    assert uses == [False] * MOST_FRAMES_WAITING + [True] * 50
     assert streams.unsaved == 50
     streams.close()
 

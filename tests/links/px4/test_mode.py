@@ -8,8 +8,8 @@ from guidance.links.px4.messages import FROM_PX4, TYPES, name_bytes
 from guidance.links.px4.mode import (
     ASK_EVERY_S,
     LOST_AFTER_S,
+    READINESS_STALE_S,
     REGISTER_EVERY_S,
-    STALE_S,
     Check,
     FlightMode,
     Outgoing,
@@ -160,7 +160,7 @@ def test_no_more_than_five_events_are_sent(px4):
 def test_an_old_readiness_means_not_ready(px4):
     px4.registered()
     px4.mode.judge(Readiness(px4.now_s))
-    px4.now_s += STALE_S
+    px4.now_s += READINESS_STALE_S
     assert px4.asks()["can_arm_and_run"]
     px4.now_s += 0.01
     answer = px4.asks()

@@ -13,9 +13,9 @@ from guidance.links.mavlink.frames import (
     ticks,
 )
 from guidance.links.wires.udp import (
+    ADDRESS_SILENT_S,
     IMPOSTORS_PER_S,
     MAX_SYSTEMS,
-    SILENT_S,
     STRANGERS_PER_S,
     AddressPins,
 )
@@ -162,8 +162,8 @@ def test_the_id_of_a_live_vehicle_is_accepted_from_its_address_only():
 def test_a_vehicle_that_was_silent_may_return_from_another_address():
     pins = AddressPins({1})
     pins.admit(0.0, VEHICLE, heartbeat())
-    assert pins.admit(SILENT_S - 0.01, ELSEWHERE, heartbeat()) == b""
-    assert pins.admit(SILENT_S, ELSEWHERE, heartbeat()) == heartbeat()
+    assert pins.admit(ADDRESS_SILENT_S - 0.01, ELSEWHERE, heartbeat()) == b""
+    assert pins.admit(ADDRESS_SILENT_S, ELSEWHERE, heartbeat()) == heartbeat()
     assert list(pins.addresses) == [ELSEWHERE]
 
 
@@ -227,8 +227,8 @@ def test_with_a_key_unsigned_data_does_not_keep_a_pin_alive():
     vehicle = Signed()
     pins.admit(0.0, VEHICLE, vehicle.beat())
     assert pins.admit(2.0, VEHICLE, heartbeat()) == heartbeat()  # the link refuses and counts it
-    assert pins.admit(SILENT_S, FORGER, heartbeat()) == b""
-    assert pins.admit(SILENT_S, ELSEWHERE, vehicle.beat())
+    assert pins.admit(ADDRESS_SILENT_S, FORGER, heartbeat()) == b""
+    assert pins.admit(ADDRESS_SILENT_S, ELSEWHERE, vehicle.beat())
     assert list(pins.addresses) == [ELSEWHERE]
 
 
@@ -276,7 +276,7 @@ def test_if_any_system_is_accepted_their_number_is_bounded_and_live_ones_stay():
     assert FORGER not in pins.addresses
     for system_id in range(2, MAX_SYSTEMS + 1):
         pins.admit(2.5, ("127.0.0.1", system_id), heartbeat(system_id))
-    pins.admit(SILENT_S, FORGER, heartbeat(200))
+    pins.admit(ADDRESS_SILENT_S, FORGER, heartbeat(200))
     assert sorted(pins.addresses) == sorted(
         [FORGER, *(("127.0.0.1", one) for one in range(2, MAX_SYSTEMS + 1))]
     )

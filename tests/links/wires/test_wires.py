@@ -15,7 +15,7 @@ from guidance.errors import LinkError
 from guidance.links import MemoryWire
 from guidance.links.opening import open_wire
 from guidance.links.wires import udp
-from guidance.links.wires.base import QUEUE_LENGTH, Arrivals
+from guidance.links.wires.base import PACKET_QUEUE_LENGTH, Arrivals
 from guidance.links.wires.streams import SerialWire, StreamWire, TcpWire
 from guidance.links.wires.tcp_in import TcpInWire
 from guidance.links.wires.udp import AddressPins, UdpWire
@@ -59,9 +59,9 @@ def received_again(send, wire, data: bytes) -> bool:
 
 def test_arrivals_keep_the_newest_and_count_the_rest():
     arrivals = Arrivals[int]()
-    for n in range(QUEUE_LENGTH + 5):
+    for n in range(PACKET_QUEUE_LENGTH + 5):
         arrivals.put(n)
-    assert arrivals.take() == list(range(5, QUEUE_LENGTH + 5))
+    assert arrivals.take() == list(range(5, PACKET_QUEUE_LENGTH + 5))
     assert arrivals.dropped == 5
     assert arrivals.take() == []
 

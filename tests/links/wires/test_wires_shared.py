@@ -5,7 +5,7 @@ from guidance.links import MemoryWire
 from guidance.links.evaders.carriers import FOLLOW_TARGET
 from guidance.links.evaders.mavlink import MavlinkEvader
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
-from guidance.links.wires.base import QUEUE_LENGTH, share
+from guidance.links.wires.base import PACKET_QUEUE_LENGTH, share
 from guidance.messages import Heartbeat, Setpoint
 from tests.links.peer import Peer
 
@@ -47,10 +47,10 @@ def test_the_wire_closes_with_its_last_reader():
 def test_a_slow_reader_loses_the_oldest_packets_and_counts_them():
     ours, theirs = MemoryWire.pair(lambda: 1.0)
     awake, asleep = share(ours, 2)
-    for n in range(QUEUE_LENGTH + 10):
+    for n in range(PACKET_QUEUE_LENGTH + 10):
         theirs.send(str(n).encode())
         awake.receive()
     kept = asleep.receive()
-    assert len(kept) == QUEUE_LENGTH
-    assert kept[-1][1] == str(QUEUE_LENGTH + 9).encode()
+    assert len(kept) == PACKET_QUEUE_LENGTH
+    assert kept[-1][1] == str(PACKET_QUEUE_LENGTH + 9).encode()
     assert asleep.counters()["share_dropped"] == 10

@@ -9,7 +9,7 @@ import pytest
 from guidance.links.evaders.carriers import RefusedReport
 from guidance.links.evaders.zenoh import MOST_REPORT_BYTES, open_source, report_of_json
 from guidance.links.zenoh.session import MOST_QUERY_BYTES, is_small, open_session
-from guidance.links.zenoh.team import MOST_MESSAGE_BYTES, ZenohTeam
+from guidance.links.zenoh.team import MOST_TEAM_MESSAGE_BYTES, ZenohTeam
 from guidance.links.zenoh.wire import ZenohWire
 from guidance.team.board import Board
 from tests.links.peer import until
@@ -51,7 +51,7 @@ def test_a_large_message_of_a_team_or_to_a_vehicle_is_dropped_unread(router):
     with closing(session), closing(ZenohTeam(clock, session, "sizes", "a", ["b"])) as team:
         publisher = router.session.declare_publisher("guidance/team/sizes/roles/b")
         assert until(lambda: publisher.matching_status.matching)
-        for size in (MOST_MESSAGE_BYTES + 1, 10):
+        for size in (MOST_TEAM_MESSAGE_BYTES + 1, 10):
             publisher.put(bytes(size))
         heard = []
         assert until(lambda: heard.extend(team.receive()) or len(heard) > 1)

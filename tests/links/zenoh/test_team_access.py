@@ -14,7 +14,7 @@ from guidance.session.orders.control_client import join_session, order_team
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.orders_section import Control
 from guidance.team.board import Board
-from guidance.team.messages import encode
+from guidance.team.messages import write_message
 from tests.harness.bus import ControlBus
 from tests.harness.command import HEAVY, fresh
 from tests.links.peer import until
@@ -77,11 +77,11 @@ def test_mates_are_heard_and_forgers_are_not(joined):
         def told():
             for forger in forgers:  # they speak for uav2
                 forged = state_of("uav2", (999.0, 0.0, 0.0), epoch=2, seq=next(numbers))
-                forger.put(f"guidance/team/north/{forged.key}", encode(forged))
+                forger.put(f"guidance/team/north/{forged.key}", write_message(forged))
             honest = state_of("uav2", (1.0, 0.0, 0.0), seq=next(numbers))
-            teams["uav2"].publish(honest.key, encode(honest))
+            teams["uav2"].publish(honest.key, write_message(honest))
             # a mate that speaks for another under its own key: the router lets it pass, the board does not
-            teams["uav3"].publish("state/uav3", encode(honest))
+            teams["uav3"].publish("state/uav3", write_message(honest))
             for one in teams["uav1"].receive():
                 board.hear(*one)
             return board.counts["accepted"] > 3 and board.counts["refused_identity"] > 3

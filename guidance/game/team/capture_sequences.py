@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from guidance.game.arrays import NUMPY, Array, components
-from guidance.game.game import STILL, Game
+from guidance.game.game import NO_WIND, Game
 from guidance.game.pe import take_apart, to_target
 from guidance.game.policies import lead
 from guidance.game.rows import for_rows
@@ -38,7 +38,7 @@ class Foreseen(NamedTuple):
     until_s: Array
 
 
-class Orders(NamedTuple):
+class CaptureSequences(NamedTuple):
     """Where each pursuer begins, and what all capture.
 
     Attributes:
@@ -96,7 +96,7 @@ def _subsets(m: int) -> tuple[Array, ...]:
     )
 
 
-class Scene(NamedTuple):
+class CaptureProblem(NamedTuple):
     """What orders are made for, in b games of n pursuers and m evaders.
 
     Attributes:
@@ -122,7 +122,7 @@ class Scene(NamedTuple):
     spare_s: float
 
 
-def order_captures(scene: Scene) -> Orders:
+def sequence_captures(scene: CaptureProblem) -> CaptureSequences:
     """Return the orders that capture the most evaders in time, if these run as foreseen."""
     if scene.plays.shape[-1] > MOST:
         return _one_by_one(scene)
@@ -145,7 +145,7 @@ class _Flown(NamedTuple):
     worth: Array
 
 
-def _worth_of_sets(scene: Scene) -> tuple[Array, Array]:
+def _worth_of_sets(scene: CaptureProblem) -> tuple[Array, Array]:
     """Return what the set of evaders of every bits counts for each pursuer, and its first evader, (b, n, 2ᵐ)."""
     b, n, m = scene.plays.shape
     every = np.arange(m)
@@ -190,7 +190,7 @@ def _worth_of_sets(scene: Scene) -> tuple[Array, Array]:
 
 
 def _fly_on(
-    scene: Scene, begin_s: Array, place_m: Array, last: Array, mask: Array
+    scene: CaptureProblem, begin_s: Array, place_m: Array, last: Array, mask: Array
 ) -> tuple[Array, Array]:
     """Fly on to one more evader of each state; return times, (b, n, states), infinite if too late, and places then.
 
@@ -213,7 +213,7 @@ def _fly_on(
     if is_open.any():
         # The promise has to hold until its evader is captured
         keeps = np.zeros(is_open.shape, dtype=bool)
-        if game.target_extent.is_point and game.target_velocity_m_s == STILL:
+        if game.target_extent.is_point and game.target_velocity_m_s == NO_WIND:
             at = place_of(scene.holds, 1)
             arrival_s = arrivals(scene.game, scene.evaders_m, scene.target_m)[at]
             guard_s = guards(game, met_m, scene.target_m[at][:, :, None])
@@ -281,7 +281,7 @@ def evader_speeds(game: Game) -> Array:
     return speed_m_s[..., 0, :] if speed_m_s.ndim > 1 else speed_m_s
 
 
-def _packed(worth: Array, first: Array) -> Orders:
+def _packed(worth: Array, first: Array) -> CaptureSequences:
     """Choose a set for each pursuer, all disjoint, so that they count most together."""
     b, n, sets = worth.shape
     subsets = _subsets(sets.bit_length() - 1)
@@ -304,10 +304,10 @@ def _packed(worth: Array, first: Array) -> Orders:
         part = chosen[pursuer, rows, mask]
         begins[:, pursuer] = np.where(part > 0, first[rows, pursuer, part], -1)
         mask = mask ^ part
-    return Orders(begins, captured)
+    return CaptureSequences(begins, captured)
 
 
-def _one_by_one(scene: Scene) -> Orders:
+def _one_by_one(scene: CaptureProblem) -> CaptureSequences:
     """Return orders that the pursuers choose one after the other, each among the evaders that it can be at first."""
     b, n, m = scene.plays.shape
     rows = np.arange(b)
@@ -329,10 +329,12 @@ def _one_by_one(scene: Scene) -> Orders:
         in_order = (best[:, None] >> np.arange(MOST)) & 1 > 0
         is_taken[rows[:, None], some] |= in_order
         captured += in_order.sum(axis=-1)
-    return Orders(begins, captured)
+    return CaptureSequences(begins, captured)
 
 
-def _order_of_one(scene: Scene, pursuer: int, some: Array, free: Array) -> tuple[Array, Array]:
+def _order_of_one(
+    scene: CaptureProblem, pursuer: int, some: Array, free: Array
+) -> tuple[Array, Array]:
     """Return the best set of some evaders for one pursuer, as bits, and its first evader, (b,), among these.
 
     Args:
@@ -346,7 +348,7 @@ def _order_of_one(scene: Scene, pursuer: int, some: Array, free: Array) -> tuple
     def of_some(value: Array) -> Array:
         return value[rows, pursuer, some][:, None]
 
-    alone = Scene(
+    alone = CaptureProblem(
         game=for_rows(scene.game, of_some),
         pursuers_m=scene.pursuers_m[:, pursuer : pursuer + 1],
         evaders_m=scene.evaders_m[rows, some],
