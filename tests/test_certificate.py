@@ -22,7 +22,7 @@ from tests.harness.evaders import evader_that
 from tests.harness.examples import drawn
 from tests.harness.guarded import SETUPS, Aim, Setup, cycle_settings, draw_game
 from tests.harness.referee import STEP_S, Referee, play_out, referee
-from tests.harness.trials import is_broken
+from tests.harness.trials import claimed_state, is_broken
 
 GAME = Game(Cylinder(6.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0))
 ACCELERATION = Acceleration(3.0, 2.0)
@@ -223,6 +223,13 @@ def test_a_capture_comes_in_the_promised_time_after_turns_near_the_disc(number):
     assert play.late_s <= 0.0
 
 
+@pytest.mark.parametrize(("seed", "number"), [(2977, 329), (9001, 317)])
+def test_a_capture_comes_in_the_promised_time_after_reversals_below_the_vehicle(seed, number):
+    play = played_turns(seed, number)
+    assert play is not None
+    assert play.late_s <= 0.0
+
+
 @pytest.mark.parametrize("radius_m", [10.0, 15.0, 25.0])
 @pytest.mark.parametrize("aside_m", [-2.0, 0.0, 2.0, 4.0])
 def test_a_vehicle_before_a_target_with_a_radius_captures_and_does_not_fly_to_its_centre(
@@ -341,6 +348,9 @@ def test_a_claim_made_while_the_evader_runs_away_is_kept():
     """Catches a claim that counts on a meeting which moves away, and that an evader breaks which turns."""
     drawn = draw_game(9101, 83, "polygon")
     played = referee(drawn)
+    assert not math.isnan(played.result.sustained_s)
+    claimed = claimed_state(played).state
+    assert claimed.evader_m_s.level_dot(claimed.evader_m - claimed.pursuer_m) > 0.0
     assert played.result.end == "captured"
     assert not is_broken(drawn, played)
 

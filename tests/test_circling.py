@@ -12,7 +12,7 @@ from guidance.cycle import ChosenCourse
 from guidance.cycle.circling import LATE_M, LATE_PURSUIT_S, Circling
 from guidance.frames import Enu
 from guidance.game import Cylinder, Game, StandOff
-from tests.harness.guarded import SETUPS, cycle_settings
+from tests.harness.guarded import SETUPS, Setup, cycle_settings
 from tests.harness.referee import Referee
 from tests.test_certificate import FULL
 
@@ -110,6 +110,27 @@ def test_an_evader_on_a_circle_is_captured_within_the_promise_after_one_round(nu
     )
     assert captured_s < 60.0
     assert math.isnan(promised_s) or captured_s <= promised_s
+
+
+@pytest.mark.parametrize(
+    ("speeds_m_s", "radius_m", "away_m", "height_m"),
+    [((7.0, 6.0), 9.6, 53.0, 17.0), ((7.0, 5.0), 10.7, 28.0, 16.0)],
+)
+def test_a_vehicle_that_missed_once_goes_on_cutting_the_circle(
+    speeds_m_s, radius_m, away_m, height_m
+):
+    # It turned back after each miss, pursued until it was late again, and was never there in time.
+    setup = Setup("arducopter", speeds_m_s, (0.0, 0.0, 20.0))
+    captured_s, _, _ = circled(setup, radius_m, away_m, height_m)
+    assert captured_s < 25.0
+
+
+def test_an_evader_that_reverses_does_not_circle():
+    memory = observed(0.0, lasting_s=2.0)
+    memory = memory.after(Enu((-4.0, 0.1, 0.0)), 20.0, DT_S)
+    assert memory.late_s > LATE_S
+    assert memory.share(GAME, FULL) == 0.0
+    assert memory.detour_s(GAME, FULL) == 0.0
 
 
 def test_a_circle_that_pursuit_never_ends_on_is_cut():

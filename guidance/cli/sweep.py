@@ -40,7 +40,7 @@ def run(
     file: Annotated[
         str,
         typer.Argument(
-            help="A sweep file, or one of the package: policies, barrier, flown, teams."
+            help="A sweep file, or one of the package: policies, barrier, flown, circles, teams."
         ),
     ],
     way: Annotated[
@@ -92,7 +92,8 @@ def run(
     Distributions: uniform, log_uniform, normal, choice, disc, annulus. Keys and units are those of the scenario.
 
     Sweeps of the package: `policies` (ways to pursue, random states), `barrier` (winner and regret near the barrier),
-    `flown` (flights of the mock with a noisy sensor), `teams` (one to six pursuers against six evaders).
+    `flown` (flights of the mock with a noisy sensor), `circles` (flights after evaders that circle), `teams` (one to
+    six pursuers against six evaders).
 
     - `guidance sweep policies`: a sweep of the package
     - `guidance sweep policies --as fast --workers 2 --out flown`: the same with flights of the mock

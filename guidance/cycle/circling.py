@@ -25,13 +25,16 @@ WHOLLY_S: Final = 1.0
 """Further delay from which the vehicle flies wholly to the predicted path."""
 
 FORGIVEN: Final = 0.2
-"""Share of the passing time by which an old promise is forgiven, so a delay of the past does not count for ever."""
+"""Share of the passing time by which a delay and an old promise are forgiven, so that they do not count for ever."""
 
 LATEST_S: Final = 6.0
 """Larger delays count as this one."""
 
 TURN_S: Final = 1.5
 """Time constant of the mean turn rate: weaving averages out."""
+
+_SHARPEST_RAD_S: Final = 2.0
+"""Faster turns count as this one. A reversal is no part of a circle."""
 
 _AHEAD_S: Final = 15.0
 _STEP_S: Final = 0.1
@@ -48,7 +51,8 @@ class Circling(NamedTuple):
         turn_rad_s: Its mean turn rate, from east to north.
         observed_s: Time over which it was observed.
         promised_s: Least time to capture promised so far, less the time since; infinite before the first promise.
-        late_s: By how much the present promise is later than that.
+        late_s: By how much the present promise is later than that, or a delay before it that is not forgiven yet: a
+            vehicle that missed the evader once goes on cutting its circle.
     """
 
     evader_m_s: Enu | None = None
@@ -75,10 +79,12 @@ class Circling(NamedTuple):
                 turned_rad = math.atan2(across, before_m_s.level_dot(evader_m_s))
                 observed_s += dt_s
                 weight = dt_s / max(dt_s, min(TURN_S, observed_s))
-                turn_rad_s += weight * (turned_rad / dt_s - turn_rad_s)
+                rate_rad_s = min(_SHARPEST_RAD_S, max(-_SHARPEST_RAD_S, turned_rad / dt_s))
+                turn_rad_s += weight * (rate_rad_s - turn_rad_s)
         promised_s = min(needed_s, self.promised_s - (1.0 - FORGIVEN) * dt_s)
         promised_s = max(promised_s, needed_s - LATEST_S)
-        return Circling(evader_m_s, turn_rad_s, observed_s, promised_s, needed_s - promised_s)
+        late_s = max(needed_s - promised_s, self.late_s - FORGIVEN * dt_s)
+        return Circling(evader_m_s, turn_rad_s, observed_s, promised_s, late_s)
 
     def sharpness(self, game: Game, vehicle: Capability) -> float:
         """Return whether the evader turns too fast for the vehicle at its speed, from 0 (it does not) to 1."""
