@@ -326,14 +326,14 @@ def test_near_the_pursuer_tad_with_age_has_the_value_of_straight_runs_or_none(ga
     """Catches a wrong value of TAD with old information, near the pursuer."""
     assert game.information_age_s <= guaranteed_age_s(game)
     rng = np.random.default_rng(4)
-    P, E, T = rng.uniform(-8.0, 8.0, (3, 60, 3))
+    P, E, T = rng.uniform(-8.0, 8.0, (3, 30, 3))
     T *= 4.0
     if game.evader_space == "plane":
         P[:, 2] = abs(P[:, 2])
         E[:, 2] = 0.0
         T[:, 2] = 0.0
     answer = solve(game, P, E, T)
-    assert np.count_nonzero(answer.reason == Reason.TOO_OLD) > 10
+    assert np.count_nonzero((answer.winner > 0) & (answer.reason == Reason.TOO_OLD)) > 3
     for row in np.flatnonzero((answer.winner > 0) & (answer.reason == Reason.TOO_OLD)):
         least = nearest_end(game, P[row], E[row], T[row])
         assert float(answer.value[row]) == pytest.approx(least, abs=1e-6)

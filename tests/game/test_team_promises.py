@@ -105,11 +105,10 @@ def vehicles(n, m):
 
 
 @pytest.mark.parametrize("tad", [True, False])
-@pytest.mark.parametrize(("n", "m"), [(1, 2), (4, 3)])
-def test_every_promise_made_at_the_start_is_kept(monkeypatch, n, m, tad):
+def test_every_promise_made_at_the_start_is_kept(monkeypatch, tad):
     """Catches a promise of a matching that an evader which searches at every step breaks."""
     game = Game(Ball(2.0), 1.0)
-    promises, worst = broken(monkeypatch, game, n, m, 6, tad=tad, seed=10 * n + m)
+    promises, worst = broken(monkeypatch, game, 4, 3, 6, tad=tad, seed=43)
     assert promises >= 4
     assert worst <= allowed(game)
 

@@ -353,7 +353,7 @@ def test_a_team_of_one_flies_the_same_policy_as_a_pursuer_alone(policy):
     P = np.concatenate([rng.uniform(-10, 10, (40, 2)), rng.uniform(0, 5, (40, 1))], axis=1)
     E = np.concatenate([rng.uniform(-25, 25, (40, 2)), np.zeros((40, 1))], axis=1)
     policies = {"pursuer_policy": policy, "evader_policy": "task_oriented"}
-    team = rollout_teams(game, P[:, None], E[:, None], T, step_s=0.1, **policies)
-    alone = rolled_out(game, P, E, T, stepping=Exact(0.1, 1), **policies)
+    team = rollout_teams(game, P[:, None], E[:, None], T, step_s=0.25, **policies)
+    alone = rolled_out(game, P, E, T, stepping=Exact(0.25, 1), **policies)
     np.testing.assert_array_equal(team.end[:, 0], alone.end)
     np.testing.assert_allclose(team.time_s[:, 0], alone.time_s, atol=1e-6)

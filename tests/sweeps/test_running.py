@@ -396,7 +396,6 @@ def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkey
     [
         (6, "maths", 1, 24),
         (6, "maths", 2, 3),
-        (6000, "maths", 2, 3000),
         (60000, "maths", 2, 4096),
         (6, "fast", 1, 1),
     ],
