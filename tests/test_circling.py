@@ -128,7 +128,7 @@ def test_a_vehicle_that_missed_once_goes_on_cutting_the_circle(
 def test_an_evader_that_reverses_does_not_circle():
     memory = observed(0.0, lasting_s=2.0)
     memory = memory.after(Enu((-4.0, 0.1, 0.0)), 20.0, DT_S)
-    assert memory.late_s > LATE_S
+    assert memory.late_s > LATE_PURSUIT_S
     assert memory.share(GAME, FULL) == 0.0
     assert memory.detour_s(GAME, FULL) == 0.0
 
