@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Final, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -21,6 +21,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, ErrorDetails
 
 from guidance.errors import ConfigError
+from guidance.registry import Registry
 from guidance.toml_files import read
 
 MOST_LETTERS: Final = 60
@@ -239,6 +240,48 @@ def _joined(section: Any, further: type[Section]) -> Any:  # noqa: ANN401 - a cl
 
     body = {"_faults": _faults, "__module__": __name__}
     return type(section)(section.__name__, (further, section), body)
+
+
+def _add_keys_of_kinds(schema: dict[str, Any], model: type[BaseModel]) -> None:
+    if issubclass(model, KindSection):
+        for own in model.own_sections(model.kinds.importable().values()):
+            schema["properties"] = {
+                **own.model_json_schema()["properties"],
+                **schema["properties"],
+            }
+
+
+class KindSection(Extended):
+    """A section with a key that names a kind, which may have a `section` with further keys of its own.
+
+    Attributes:
+        kinds: Where the kinds are found.
+        kind_key: The key that names one.
+    """
+
+    kinds: ClassVar[Registry[Any]]
+    kind_key: ClassVar[str]
+
+    model_config = ConfigDict(json_schema_extra=_add_keys_of_kinds)
+
+    @classmethod
+    def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
+        """Return the keys of the kind."""
+        name = document.get(cls.kind_key, cls.model_fields[cls.kind_key].default)
+        if not isinstance(name, str) or not cls.kinds.knows(name):
+            return None
+        section: type[Section] | None = cls.kinds.named(name).section
+        return section
+
+    @classmethod
+    def further_names(cls) -> list[str]:
+        """Return the keys of the kinds that are in use."""
+        return [key for own in cls.own_sections(cls.kinds.values()) for key in own.model_fields]
+
+    @staticmethod
+    def own_sections(kinds: Iterable[Any]) -> list[type[Section]]:
+        """Return the sections of those kinds that have one."""
+        return [kind.section for kind in kinds if kind.section is not None]
 
 
 def faults_of(what: str, make: Callable[[], object]) -> Iterator[str]:

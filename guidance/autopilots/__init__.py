@@ -30,23 +30,12 @@ AUTOPILOTS: Registry[Autopilot] = Registry(
 
 
 def register(autopilot: Autopilot) -> None:
-    """Add an autopilot to those that vehicle files, scenarios, `init`, discovery and preflight know.
-
-    A package can do this when it is imported, or name its description in the entry point group
-    `pursuit_guidance.autopilots`, which is read when an unknown name is looked up.
-
-    Raises:
-        ConfigError: If another autopilot has this name.
-    """
+    """Add an autopilot under its name, as `Registry.add` does."""
     AUTOPILOTS.add(autopilot.name, autopilot)
 
 
 def autopilot_named(name: str) -> Autopilot:
-    """Return an autopilot by its name in configuration files.
-
-    Raises:
-        ConfigError: If there is none.
-    """
+    """Return an autopilot by its name, as `Registry.named` does."""
     return AUTOPILOTS.named(name)
 
 

@@ -1,6 +1,6 @@
 """The kinds of links to a vehicle: what each needs of `[vehicle]`, which URLs it has, and how it opens.
 
-A kind is one description. `register` adds another from outside, so a vehicle with another protocol is one module and
+A kind is one description. `LINKS.add` adds another from outside, so a vehicle with another protocol is one module and
 its test. MAVSDK and Zenoh are imported only when a link that uses them is opened.
 """
 
@@ -166,28 +166,7 @@ LINKS: Final[Registry[LinkKind]] = Registry(
     "pursuit_guidance.links",
     {kind.name: kind for kind in (MAVSDK, PYMAVLINK, ZENOH)},
 )
-"""The kinds of links, by name. Add one with `register`."""
-
-
-def register(kind: LinkKind) -> None:
-    """Add a kind to those that vehicle files know.
-
-    A package can do this when it is imported, or name its description in the entry point group
-    `pursuit_guidance.links`, which is read when an unknown name is looked up.
-
-    Raises:
-        ConfigError: If another kind has this name.
-    """
-    LINKS.add(kind.name, kind)
-
-
-def link_kind(name: str) -> LinkKind:
-    """Return a kind by its name in vehicle files.
-
-    Raises:
-        ConfigError: If there is none.
-    """
-    return LINKS.named(name)
+"""The kinds of links, by name. Add one with `LINKS.add`."""
 
 
 LinkName = Annotated[str, AfterValidator(LINKS.checked_name), LINKS.names_in_schema()]

@@ -1,40 +1,29 @@
 """The sections `[vehicle]` and `[ground_station]` of vehicle files: the link to the autopilot, and who else uses it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, ClassVar
 
-from pydantic import AfterValidator, ConfigDict, Field
+from pydantic import AfterValidator, Field
 
 from guidance.autopilots import AUTOPILOTS, Autopilot, AutopilotName, autopilot_named
-from guidance.config import Extended, Section, SystemId
-from guidance.links.kinds import LINKS, LinkKind, LinkName, link_kind
+from guidance.config import KindSection, Section, SystemId
+from guidance.links.kinds import LINKS, LinkKind, LinkName
 from guidance.links.port import is_px4, taken_apart
 
 Url = Annotated[str, AfterValidator(lambda url: taken_apart(url) and url)]
 """A URL of a link; a ValueError explains why another text is not one."""
 
-_DEFAULT_LINK: Final = "pymavlink"
 
-
-def _add_keys_of_kinds(schema: dict[str, Any]) -> None:
-    """Add the keys that kinds of links have in `[vehicle]` to its JSON schema."""
-    for kind in LINKS.importable().values():
-        if kind.section is not None:
-            schema["properties"] = {
-                **kind.section.model_json_schema()["properties"],
-                **schema["properties"],
-            }
-
-
-class Vehicle(Extended):
+class Vehicle(KindSection):
     """The link to the autopilot."""
 
-    model_config = ConfigDict(json_schema_extra=_add_keys_of_kinds)
+    kinds: ClassVar = LINKS
+    kind_key: ClassVar = "link"
 
     autopilot: AutopilotName = Field(description="the vehicle's autopilot")
     link: LinkName = Field(
-        _DEFAULT_LINK,
+        "pymavlink",
         description="client library (only pymavlink can sign); zenoh makes guidance a flight mode of PX4",
     )
     url: Url = Field(
@@ -57,24 +46,10 @@ class Vehicle(Extended):
         False, description="show the evader on the maps of ground stations, as ADSB_VEHICLE"
     )
 
-    @classmethod
-    def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
-        """Return the keys of the kind of link."""
-        name = document.get("link", _DEFAULT_LINK)
-        if not isinstance(name, str) or not LINKS.knows(name):
-            return None
-        return link_kind(name).section
-
-    @classmethod
-    def further_names(cls) -> list[str]:
-        """Return the keys of the kinds of links that are in use."""
-        sections = [kind.section for kind in LINKS.values() if kind.section is not None]
-        return [name for section in sections for name in section.model_fields]
-
     @property
     def kind(self) -> LinkKind:
         """The kind of its link."""
-        return link_kind(self.link)
+        return LINKS.named(self.link)
 
     @property
     def awaited(self) -> str:

@@ -89,7 +89,7 @@ def is_own(name: str) -> bool:
     return name in _LOADED or _FORM.fullmatch(name) is not None
 
 
-def register(name: str, choose: Choose) -> None:
+def register_policy(name: str, choose: Choose) -> None:
     """Give a policy a name, under which scenarios and commands play it.
 
     Raises:

@@ -147,7 +147,7 @@ def registered(name, columns, answer):
             return np.zeros((len(observation), columns))
         return np.full((len(observation), columns), answer)
 
-    own.register(name, choose)
+    own.register_policy(name, choose)
     return name
 
 

@@ -18,7 +18,7 @@ def straight_at_the_first_evader(observation):
 
 def test_rules_of_teams_are_compared_and_only_plays_with_promises_keep_them(tmp_path):
     """Catches a comparison of team rules whose players or counts are mixed up."""
-    own.register("tests.team:first", straight_at_the_first_evader)
+    own.register_policy("tests.team:first", straight_at_the_first_evader)
     bundled = load_any("teams_breakthrough")[0].read_text()
     scenario = tmp_path / "coarse.toml"
     scenario.write_text(bundled.replace("step_s = 0.2", "step_s = 1.0"))
@@ -35,8 +35,10 @@ def test_rules_of_teams_are_compared_and_only_plays_with_promises_keep_them(tmp_
 
 def test_a_users_policy_of_a_team_is_played_and_its_faults_are_named():
     """Catches a user's policy that is replaced by another without a word."""
-    own.register("tests.team:first", straight_at_the_first_evader)
-    own.register("tests.team:lost", lambda observation: np.full((len(observation), 3), np.nan))
+    own.register_policy("tests.team:first", straight_at_the_first_evader)
+    own.register_policy(
+        "tests.team:lost", lambda observation: np.full((len(observation), 3), np.nan)
+    )
     scenario = load_any("teams_breakthrough")[1]
 
     def played(policy):

@@ -19,7 +19,7 @@ from guidance.config import load, parse_document
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.game.speed_sets import SPEED_SETS
-from guidance.links.evaders.kinds import EVADER_KINDS, SourceOrder, evader_kind
+from guidance.links.evaders.kinds import EVADER_KINDS, SourceOrder
 from guidance.links.kinds import LINKS
 from guidance.links.world import World
 from guidance.registry import Registry
@@ -128,7 +128,7 @@ def read(**sections):
 
 
 def opened(config):
-    return lambda clock: evader_kind("buoy").open(
+    return lambda clock: EVADER_KINDS.named("buoy").open(
         SourceOrder("buoy", config.evader.url, clock.now_s, None, section=config.evader)
     )
 
@@ -164,7 +164,7 @@ def test_its_link_has_keys_of_its_own_and_any_scheme(installed):
 
 
 def test_another_kind_does_not_take_its_keys(installed):
-    assert evader_kind("buoy").section is not None
+    assert EVADER_KINDS.named("buoy").section is not None
     with pytest.raises(ConfigError, match=r"evader\.callsign: unknown key; it belongs to another"):
         read(evader={"callsign": "B7"})
     assert LINKS.named("simulator").section is not None

@@ -12,8 +12,6 @@ from guidance.links.evaders.kinds import (
     EVADER_KINDS,
     EvaderKind,
     SourceOrder,
-    evader_kind,
-    register,
 )
 from guidance.messages import EvaderReport
 from guidance.session.vehicle_file import Config
@@ -55,13 +53,15 @@ def buoy():
         needs={"url": "needs the address of the buoy"},
         open=Buoy,
     )
-    register(kind)
+    EVADER_KINDS.add(kind.name, kind)
     yield kind
     del EVADER_KINDS["buoy"]
 
 
 def opened(url):
-    return lambda clock: evader_kind("buoy").open(SourceOrder("buoy", url, clock.now_s, None))
+    return lambda clock: EVADER_KINDS.named("buoy").open(
+        SourceOrder("buoy", url, clock.now_s, None)
+    )
 
 
 def test_a_registered_kind_is_known_to_vehicle_files_with_what_it_needs(buoy, base):
@@ -86,9 +86,9 @@ def test_a_registered_kind_is_pursued(buoy, base):
 def test_a_second_kind_of_the_same_name_is_refused(buoy):
     other = EvaderKind(name="buoy", message="another", transport="other", needs={}, open=Buoy)
     with pytest.raises(ConfigError, match="'buoy': another one has this name"):
-        register(other)
+        EVADER_KINDS.add(other.name, other)
 
 
 def test_a_kind_that_is_not_registered_is_refused_with_those_that_are():
     with pytest.raises(ConfigError, match="allowed are follow_target, global_position"):
-        evader_kind("radar")
+        EVADER_KINDS.named("radar")

@@ -36,7 +36,9 @@ def guard(tmp_path_factory, soon_up_and_down):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(outputs, "OUTPUTS", copy(outputs.OUTPUTS))
         witnesses = []
-        outputs.register("witness", lambda order: witnesses.append(Witness(order)) or witnesses[-1])
+        outputs.OUTPUTS.add(
+            "witness", lambda order: witnesses.append(Witness(order)) or witnesses[-1]
+        )
         flown = fly_recorded(GUARD, folder, MockOptions(fast=True))
     return flown, folder, {witness.order.vehicle: witness for witness in witnesses}
 

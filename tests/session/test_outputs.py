@@ -1,4 +1,4 @@
-"""An output of a flight from outside the package: one class and one call of `register`."""
+"""An output of a flight from outside the package: one class and one call of `OUTPUTS.add`."""
 
 from copy import copy
 
@@ -43,9 +43,9 @@ def witnesses(monkeypatch):
         return broken[-1]
 
     monkeypatch.setattr(outputs, "OUTPUTS", copy(outputs.OUTPUTS))
-    outputs.register("defective", defective)
-    outputs.register("nothing", lambda _: None)
-    outputs.register("witness", witness)
+    outputs.OUTPUTS.add("defective", defective)
+    outputs.OUTPUTS.add("nothing", lambda _: None)
+    outputs.OUTPUTS.add("witness", witness)
     yield opened
     assert [output.calls for output in broken] == [1] * len(opened)
 
@@ -61,4 +61,4 @@ def test_an_output_from_outside_sees_a_whole_flight_as_its_record_keeps_it(witne
 
 def test_a_name_is_taken_once(witnesses):
     with pytest.raises(ConfigError, match="'witness': another one has this name"):
-        outputs.register("witness", Witness)
+        outputs.OUTPUTS.add("witness", Witness)

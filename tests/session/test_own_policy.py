@@ -58,7 +58,7 @@ def boom(_):
     ],
 )
 def test_a_policy_flies_and_what_has_no_answer_holds_and_replays(then, words, tmp_path):
-    own.register("tests.own:policy", Failing(150, then))
+    own.register_policy("tests.own:policy", Failing(150, then))
     scenario = with_policies(SHORT, pursuer="tests.own:policy")
     result = fly_recorded(scenario, tmp_path, MockOptions(fast=True)).vehicles["pursuer"]
     own.forget()  # a replay runs nobody's code
@@ -77,7 +77,7 @@ def test_an_answer_that_took_longer_than_a_cycle_is_none():
         clock.sleep_until(clock.now_s() + pause_s)
         return straight(observation)
 
-    own.register("tests.slow:policy", slow)
+    own.register_policy("tests.slow:policy", slow)
     ask = TimedPolicy("tests.slow:policy", clock)
     pause_s = 0.9 * LONGEST_ANSWER_S
     assert ask(OBSERVATION) == (0.6, 0.8, 0.0)
@@ -98,7 +98,7 @@ def test_a_policy_that_does_not_return_stops_no_cycle_and_its_late_answer_is_dro
             return np.ones((1, 3))
         return straight(observation)
 
-    own.register("tests.stuck:policy", stuck)
+    own.register_policy("tests.stuck:policy", stuck)
     ask = PolicyThread(TimedPolicy("tests.stuck:policy", MonotonicClock()))
     assert "takes longer than a cycle" in ask(OBSERVATION)
     assert "still computes an earlier cycle" in ask(OBSERVATION)

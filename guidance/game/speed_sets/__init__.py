@@ -29,23 +29,12 @@ SPEED_SETS: Registry[type[SpeedSet]] = Registry(
 
 
 def register(kind: type[SpeedSet]) -> None:
-    """Add a speed set to those that scenarios, sweeps, vehicle files and teams know.
-
-    A package can do this when it is imported, or name its class in the entry point group `pursuit_guidance.speed_sets`,
-    which is read when an unknown name is looked up.
-
-    Raises:
-        ConfigError: another speed set has this name.
-    """
+    """Add a speed set under its name, as `Registry.add` does."""
     SPEED_SETS.add(kind.name, kind)
 
 
 def speed_set_named(name: str) -> type[SpeedSet]:
-    """Return a speed set by its name in files.
-
-    Raises:
-        ConfigError: there is none.
-    """
+    """Return a speed set by its name, as `Registry.named` does."""
     return SPEED_SETS.named(name)
 
 

@@ -1,7 +1,7 @@
 """The kinds of sources of evader reports: what each needs of a vehicle file, its zero of altitude, and how it opens.
 
-A kind is one description. `register` adds another from outside, so a new source is one module and its test. Zenoh is
-imported only when a source that uses it is opened.
+A kind is one description. `EVADER_KINDS.add` adds another from outside, so a new source is one module and its test.
+Zenoh is imported only when a source that uses it is opened.
 """
 
 from collections.abc import Callable, Mapping
@@ -225,28 +225,7 @@ EVADER_KINDS: Final[Registry[EvaderKind]] = Registry(
     "pursuit_guidance.evader_sources",
     {kind.name: kind for kind in _BUILT_IN},
 )
-"""The kinds of sources, by name. Add one with `register`."""
-
-
-def register(kind: EvaderKind) -> None:
-    """Add a kind to those that vehicle files know.
-
-    A package can do this when it is imported, or name its description in the entry point group
-    `pursuit_guidance.evader_sources`, which is read when an unknown name is looked up.
-
-    Raises:
-        ConfigError: If another kind has this name.
-    """
-    EVADER_KINDS.add(kind.name, kind)
-
-
-def evader_kind(name: str) -> EvaderKind:
-    """Return a kind by its name in vehicle files.
-
-    Raises:
-        ConfigError: If there is none.
-    """
-    return EVADER_KINDS.named(name)
+"""The kinds of sources, by name. Add one with `EVADER_KINDS.add`."""
 
 
 EvaderKindName = Annotated[

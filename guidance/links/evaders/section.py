@@ -1,14 +1,14 @@
 """The section `[evader]` of vehicle files: the source of its reports, and the zeros of its coordinates."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import ClassVar, Final, Literal
 
-from pydantic import ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
-from guidance.config import AltitudeAmsl, Extended, Latitude, Longitude, Section, SystemId
+from guidance.config import AltitudeAmsl, KindSection, Latitude, Longitude, Section, SystemId
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.evaders.kinds import EVADER_KINDS, EvaderKindName, evader_kind
+from guidance.links.evaders.kinds import EVADER_KINDS, EvaderKindName
 from guidance.links.port import taken_apart
 from guidance.messages import Datum
 
@@ -57,17 +57,11 @@ class EvaderFrame(Section):
         )
 
 
-def _add_keys_of_kinds(schema: dict[str, Any]) -> None:
-    """Add the keys that kinds from outside have in `[evader]` to its JSON schema."""
-    for kind in EVADER_KINDS.importable().values():
-        if kind.section is not None:
-            schema["properties"] |= kind.section.model_json_schema()["properties"]
-
-
-class EvaderSection(Extended):
+class EvaderSection(KindSection):
     """The source of evader reports. Without a `url`, they arrive on the vehicle's link."""
 
-    model_config = ConfigDict(json_schema_extra=_add_keys_of_kinds)
+    kinds: ClassVar = EVADER_KINDS
+    kind_key: ClassVar = "kind"
 
     kind: EvaderKindName = Field(description="the message that reports the evader")
     url: str | None = Field(
@@ -105,26 +99,12 @@ class EvaderSection(Extended):
         None, description="origin of its coordinates, and zeros of its altitudes"
     )
 
-    @classmethod
-    def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
-        """Return the keys of a kind from outside."""
-        name = document.get("kind")
-        if not isinstance(name, str) or not EVADER_KINDS.knows(name):
-            return None
-        return evader_kind(name).section
-
-    @classmethod
-    def further_names(cls) -> list[str]:
-        """Return the keys of the kinds from outside that are in use."""
-        sections = [kind.section for kind in EVADER_KINDS.values() if kind.section is not None]
-        return [name for section in sections for name in section.model_fields]
-
     @property
     def datum(self) -> Datum | None:
         """The zero of its altitudes; None if each report names its own, or reports metres."""
         if self.altitude_datum is not None:
             return Datum(self.altitude_datum)
-        return evader_kind(self.kind).datum
+        return EVADER_KINDS.named(self.kind).datum
 
     @property
     def local_frame(self) -> LocalFrame:
@@ -136,17 +116,17 @@ class EvaderSection(Extended):
     @classmethod
     def _check_carrier(cls, url: str | None, info: ValidationInfo) -> str | None:
         name = info.data.get("kind")
-        if url is None or name is None or evader_kind(name).transport == "other":
+        if url is None or name is None or EVADER_KINDS.named(name).transport == "other":
             return url
         endpoint = taken_apart(url)
-        if evader_kind(name).transport == "mavlink":
+        if EVADER_KINDS.named(name).transport == "mavlink":
             return url
         if endpoint.scheme != "zenoh" or not endpoint.namespace:
             raise ValueError(f'kind = "{name}" arrives over Zenoh: must be zenoh://host:port/key')
         return url
 
     def _faults(self) -> Iterator[str]:
-        kind = evader_kind(self.kind)
+        kind = EVADER_KINDS.named(self.kind)
         says = f'kind = "{self.kind}"'
         # A dot leads into the frame.
         values = {name: getattr(self, name) for name in self.model_fields_set - {"frame"}}

@@ -1,8 +1,8 @@
 """Further outputs of a flight. Each is one module: it opens a sink (`guidance.log.sink`) and registers that.
 
-`register` adds one from outside. Its `open` gets everything that a flight has open, and returns None for a vehicle that
-does not want it. An output from outside can have a section in vehicle files (`session.vehicle_file.SECTIONS`), which
-`order.config.section` returns; without the section it opens nothing.
+`OUTPUTS.add` adds one from outside. Its `open` gets everything that a flight has open, and returns None for a vehicle
+that does not want it. An output from outside can have a section in vehicle files (`session.vehicle_file.SECTIONS`),
+which `order.config.section` returns; without the section it opens nothing.
 """
 
 from collections.abc import Callable, Mapping
@@ -97,18 +97,7 @@ OUTPUTS: Final[Registry[OpenOutput]] = Registry(
         "flight mode": _open_flight_mode,
     },
 )
-"""How outputs open, by name. Add one with `register`."""
-
-
-def register(name: str, open_output: OpenOutput) -> None:
-    """Add an output to every flight that is opened from now on.
-
-    A package can do this when it is imported, or name its function in the entry point group `pursuit_guidance.outputs`.
-
-    Raises:
-        ConfigError: If another output has this name.
-    """
-    OUTPUTS.add(name, open_output)
+"""How outputs open, by name. Add one with `OUTPUTS.add`."""
 
 
 def open_outputs(order: OutputOrder, stack: ExitStack) -> list[Sink]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from guidance.clock import Clock
 from guidance.files import text_of
 from guidance.links import EvaderSource, SigningKey, Wire, parse
-from guidance.links.evaders.kinds import SourceOrder, evader_kind
+from guidance.links.evaders.kinds import EVADER_KINDS, SourceOrder
 from guidance.links.evaders.section import EvaderSection
 from guidance.links.kinds import LinkOrder
 from guidance.links.mavlink.ground_link import GroundLink
@@ -151,7 +151,7 @@ def _open_source(
 ) -> EvaderSource:
     """Open an evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
     url = vehicle.url if evader.url is None else evader.url
-    kind = evader_kind(evader.kind)
+    kind = EVADER_KINDS.named(evader.kind)
     key = None
     if kind.transport == "mavlink":
         if evader.url is None:
