@@ -1,39 +1,43 @@
 """Mutation tests of the code that keeps people safe: `python -m tests mutants [FILE ...]`.
 
-mutmut 3 changes one operator, number, argument or word at a time, and a test has to notice. `tests/mutants.toml` lists
-the mutants that no test can notice, each with the reason. The step fails if another one survives, and if a listed one
-does not exist any more or is noticed. Its rule `letters` lists the mutants that change only the letters of a text for
-people: tests do not repeat texts.
+One operator, number, argument or word is changed at a time, as mutmut does, and a test has to notice.
+`tests/mutants.toml` lists the mutants that no test can notice, each with the reason. The step fails if another one
+survives, and if a listed one does not exist any more or is noticed. Its rule `letters` lists the mutants that change
+only the letters of a text for people: tests do not repeat texts.
 
-Each file is mutated in a temporary copy of the project and judged by the tests that concern it (`TESTS`), the fastest
-first, up to the first failure. Tests of more than 0.2 s of processor time (tests/costly.txt) judge nothing. mutmut
-switches functions only. What a module computes when it is imported (its tables, constants and defaults) has the same
-mutants, but each of them needs a process that imports it.
+Each file is judged by the tests that concern it (`TESTS`), up to the first failure. Tests of more than 0.2 s of
+processor time (tests/costly.txt) judge nothing. One process collects the tests and forks for every mutant. The fork
+replaces the code of the mutant's function, and runs the tests that reach that function. What a module computes when it
+is imported (its tables, constants and defaults) has the same mutants; their forks import the project again.
 """
 
 import argparse
 import ast
 import contextlib
+import fnmatch
+import inspect
 import json
+import math
 import os
 import re
-import shutil
-import subprocess
+import resource
+import signal
 import sys
 import tempfile
 import time
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from importlib.util import cache_from_source
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import partial
+from importlib import import_module
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from queue import Queue
-from typing import NamedTuple
+from types import CodeType
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parent.parent
 LISTED = Path(__file__).with_suffix(".toml")
-COPIED = ("guidance", "sitl_mock", "config", "tests")
+PACKAGES = ("guidance", "sitl_mock", "tests")
 
 WALLS = (
     "tests/control/test_braking_law.py",
@@ -101,6 +105,7 @@ TESTS: Mapping[str, Sequence[str]] = {
         "tests/flight/test_arming.py",
         "tests/flight/test_freshness.py",
         "tests/flight/test_far_evader.py",
+        *FLIGHT,
     ),
     "guidance/flight/machine.py": FLIGHT,
     "guidance/flight/freshness.py": ("tests/flight/test_freshness.py",),
@@ -143,35 +148,22 @@ TESTS: Mapping[str, Sequence[str]] = {
 FUNCTIONS_ONLY = frozenset({"guidance/control/limits.py"})
 """Files whose tables are not mutated: defaults and bounds of the vehicle file, which only a copy would notice."""
 
-SETTINGS = """
-[tool.mutmut]
-source_paths = ["guidance"]
-only_mutate = [{file}]
-also_copy = ["sitl_mock", "config"]
-pytest_add_cli_args = [
-    "-p", "pytest_asyncio.plugin", "-p", "_hypothesis_pytestplugin", "-p", "tests.harness.fastest_first",
-    "-p", "no:cacheprovider", "-m", {marks},
-]
-pytest_add_cli_args_test_selection = {tests}
-timeout_multiplier = 4.0
-use_git_change_detection = false
-"""
-SPINNER = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
 PYTEST = (
-    sys.executable, "-m", "pytest", "-x", "-q", "-p", "pytest_asyncio.plugin", "-p", "_hypothesis_pytestplugin",
-    "-p", "no:cacheprovider",
+    "-q", "-p", "pytest_asyncio.plugin", "-p", "_hypothesis_pytestplugin", "-p", "no:cacheprovider", "-s",
+    "-m", "not costly and not slow and not flight and not long and not arrays",
 )  # fmt: skip
-LONGEST_S = 120.0
+ENVIRONMENT = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "HYPOTHESIS_PROFILE": "mutants"}
+
+LONGEST_S = 1200
+"""Time after which a fork counts as noticed; it may wait for something that never comes."""
+
+LEAST_PROCESSOR_S = 10.0
+"""Processor time that a fork may use, beside four times that of its tests."""
+
 MODULE = "module"
 """Stands for the function of a mutant that is in none."""
 
-MARKS = "not costly and not slow and not flight and not long and not arrays"
-ENVIRONMENT = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "HYPOTHESIS_PROFILE": "mutants"}
-
 STRING = re.compile(r"""(?:"[^"]*"|'[^']*')""")
-
-SURVIVED = {None: "not judged", 0: "survives", 2: "not judged", 5: "has no test", 33: "has no test"}
-"""mutmut's exit codes of a mutant that was not noticed; the others are failures and time-outs."""
 
 
 class Mutant(NamedTuple):
@@ -182,13 +174,12 @@ class Mutant(NamedTuple):
     becomes: str
 
 
-class Outcome(NamedTuple):
-    """What became of a file's mutants: how many there are of each, and those that survived, with the reason."""
+class Change(NamedTuple):
+    """How a mutant is made: the code of its function, or None where its source has to be imported."""
 
-    mutants: Counter[Mutant]
-    survivors: Mapping[Mutant, str]
-    seconds: float
-    processor_s: float
+    mutant: Mutant
+    code: CodeType | None
+    source: str
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -205,25 +196,31 @@ def main(arguments: Sequence[str]) -> int:
     if unknown:
         print(f"no tests of mutants for {', '.join(unknown)}: choose from {', '.join(TESTS)}")
         return 2
-    only = options.only or ["*"]
+    os.chdir(ROOT)
+    os.environ |= ENVIRONMENT
     listed = listed_mutants()
-    faults: list[str] = []
+    failed = False
     for name in names or TESTS:
-        outcome = _judged(name, options.jobs, only)
-        equivalent = [mutant for mutant in listed.get(name, ()) if mutant in outcome.survivors]
-        worded = [mutant for mutant in outcome.survivors if changes_letters(mutant)]
+        started_s = time.perf_counter()
+        used_s = _processor_s()
+        judged = _judged(name, options.jobs, options.only or ["*"])
+        survivors = {mutant for mutant, survives in judged if survives}
+        equivalent = [mutant for mutant in listed.get(name, ()) if mutant in survivors]
+        worded = [mutant for mutant in survivors if changes_letters(mutant)]
         print(
-            f"{name}: {outcome.mutants.total()} mutants, {len(outcome.survivors)} survive, "
+            f"{name}: {len(judged)} mutants, {len(survivors)} survive, "
             f"{len(equivalent)} of them are listed and {len(worded)} more by the rule on letters; "
-            f"{outcome.seconds:.0f} s, {outcome.processor_s:.0f} s of processor time",
+            f"{time.perf_counter() - started_s:.0f} s, {_processor_s() - used_s:.0f} s of processor time",
             flush=True,
         )
-        whole = "*" in only
-        faults += faults_of(
-            name, outcome.mutants, outcome.survivors, listed.get(name, ()), whole=whole
-        )
-    print("\n".join(faults) or "every mutant is noticed or listed")
-    return int(bool(faults))
+        mutants = Counter(mutant for mutant, _ in judged)
+        whole = options.only is None
+        for fault in faults_of(name, mutants, survivors, listed.get(name, ()), whole=whole):
+            failed = True
+            print(fault, flush=True)
+    if not failed:
+        print("every mutant is noticed or listed")
+    return int(failed)
 
 
 def listed_mutants() -> dict[str, list[Mutant]]:
@@ -241,7 +238,7 @@ def listed_mutants() -> dict[str, list[Mutant]]:
 def faults_of(
     name: str,
     mutants: Mapping[Mutant, int],
-    survivors: Mapping[Mutant, str],
+    survivors: Collection[Mutant],
     listed: Sequence[Mutant],
     *,
     whole: bool,
@@ -251,13 +248,13 @@ def faults_of(
     Args:
         name: Of the file.
         mutants: The mutants that were judged.
-        survivors: Those that no test noticed, with the reason.
+        survivors: Those that no test noticed.
         listed: Those that no test can notice.
         whole: Whether all functions of the file were mutated.
     """
-    for mutant, reason in survivors.items():
+    for mutant in survivors:
         if mutant not in listed and not changes_letters(mutant):
-            yield f"{name}: {reason}: in {mutant.function}\n  - {mutant.line}\n  + {mutant.becomes}"
+            yield f"{name}: survives: in {mutant.function}\n  - {mutant.line}\n  + {mutant.becomes}"
     for mutant, count in Counter(listed).items():
         if mutant in mutants and mutant not in survivors:
             yield f"{name}: listed, but noticed: in {mutant.function}: {mutant.becomes}"
@@ -277,125 +274,214 @@ def changes_letters(mutant: Mutant) -> bool:
     return bool(changed) and all(" " in text for text in changed)
 
 
-def _judged(name: str, jobs: int, patterns: Sequence[str]) -> Outcome:
-    """Judge the mutants of one file in a temporary copy of the project."""
-    started_s = time.perf_counter()
-    used_s = _processor_s()
-    judged: list[tuple[Mutant, str]] = []
-    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        copy = Path(folder)
-        for package in COPIED:
-            ignored = shutil.ignore_patterns("__pycache__")
-            shutil.copytree(ROOT / package, copy / package, ignore=ignored)
-        source = copy / name
-        source.write_text(undecorated(source.read_text(encoding="utf-8")), encoding="utf-8")
-        settings = SETTINGS.format(
-            file=json.dumps(name), tests=json.dumps(list(TESTS[name])), marks=json.dumps(MARKS)
-        )
-        project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-        (copy / "pyproject.toml").write_text(project + settings, encoding="utf-8")
-        if {"*", MODULE} & set(patterns) and name not in FUNCTIONS_ONLY:
-            judged += _judged_modules(copy, name, jobs)
-        if functions := [pattern for pattern in patterns if pattern != MODULE]:
-            judged += _judged_functions(copy, name, jobs, functions)
-    mutants = Counter(mutant for mutant, _ in judged)
-    survivors = {mutant: reason for mutant, reason in judged if reason}
-    seconds = time.perf_counter() - started_s
-    return Outcome(mutants, survivors, seconds, _processor_s() - used_s)
-
-
 def _processor_s() -> float:
     """Return the processor time of this process and of its children that have ended."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
 
 
-def _judged_functions(
-    copy: Path, name: str, jobs: int, patterns: Sequence[str]
-) -> Iterator[tuple[Mutant, str]]:
-    """Run mutmut; yield each mutant and how it survived, or nothing."""
-    command = [str(Path(sys.executable).parent / "mutmut"), "run", "--max-children", str(jobs)]
-    if "*" not in patterns:
-        command += [f"*x[_ǁ]{pattern}__mutmut_*" for pattern in patterns]
-    done = subprocess.run(
-        command,
-        cwd=copy,
-        env=os.environ | ENVIRONMENT,
-        check=False,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-    )
-    if done.returncode != 0:
-        shown = done.stdout.decode(errors="replace").splitlines()
-        words = "\n".join(line for line in shown if line[:1] not in SPINNER)
-        raise RuntimeError(f"mutmut failed on {name}:\n{words}")
-    mutated = copy / "mutants" / name
-    codes = json.loads(Path(f"{mutated}.meta").read_text(encoding="utf-8"))["exit_code_by_key"]
-    changes = changes_of(mutated.read_text(encoding="utf-8"))
-    for key, code in codes.items():
-        if code is not None or "*" in patterns:
-            yield changes[key.rpartition(".")[2]], SURVIVED.get(code, "")
+def _judged(name: str, jobs: int, patterns: Sequence[str]) -> list[tuple[Mutant, bool]]:
+    """Judge the mutants of one file in the functions whose names match; return whether each survives."""
+    import pytest
 
-
-def _judged_modules(copy: Path, name: str, jobs: int) -> list[tuple[Mutant, str]]:
-    """Judge what a module computes when it is imported; return each mutant and how it survived, or nothing."""
-    source = (copy / name).read_text(encoding="utf-8")
-    copies = Queue[Path]()
-    for number in range(jobs):
-        folder = copy / f"copy {number}"
-        for package in COPIED:
-            shutil.copytree(copy / package, folder / package)
-        shutil.copy(copy / "pyproject.toml", folder)
-        if not _passes(folder, name, {}):
-            raise RuntimeError(f"the tests of {name} fail without a mutant")
-        copies.put(folder)
-
-    def judged(mutated: str) -> tuple[Mutant, str]:
-        folder = copies.get()
-        (folder / name).write_text(mutated, encoding="utf-8")
-        Path(cache_from_source(folder / name)).unlink(missing_ok=True)  # of the mutant before
-        passed = _passes(folder, name, {"PYTHONDONTWRITEBYTECODE": "1"})
-        copies.put(folder)
-        change = _change(MODULE, source.splitlines(), mutated.splitlines())
-        return change, "survives" if passed else ""
-
-    with ThreadPoolExecutor(jobs) as executor:
-        return list(executor.map(judged, mutated_modules(copy, name)))
-
-
-def mutated_modules(copy: Path, name: str) -> list[str]:
-    """Return the mutants of a file in a project with settings of mutmut that are outside of functions.
-
-    Texts are left out, and so are assignments of None, which would stop the import.
-    """
-    import libcst
-    from mutmut.mutation.file_mutation import create_mutations, deep_replace
-
-    left_out = (libcst.BaseString, libcst.Assign, libcst.AnnAssign)
-    with contextlib.chdir(copy):
-        module, mutations, *_ = create_mutations(name, Path(name).read_text(encoding="utf-8"))
-    return [
-        deep_replace(module, mutation.original_node, mutation.mutated_node).code
-        for mutation in mutations
-        if not isinstance(mutation.contained_by_top_level_function, libcst.FunctionDef)
-        and not isinstance(mutation.original_node, left_out)
+    changes = [
+        change
+        for change in changes_of(undecorated((ROOT / name).read_text(encoding="utf-8")))
+        if any(_is_named(change.mutant.function, pattern) for pattern in patterns)
+        and not (change.mutant.function == MODULE and name in FUNCTIONS_ONLY)
     ]
+    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        judge = Judge(name, changes, jobs, Path(folder))
+        pytest.main([*PYTEST, *TESTS[name]], plugins=[Loop(judge.judge)])
+    if len(judge.survives) != len(changes):
+        raise RuntimeError(f"the tests of {name} fail without a mutant: {judge.broken}")
+    return [(change.mutant, judge.survives[number]) for number, change in enumerate(changes)]
 
 
-def _passes(folder: Path, name: str, environment: Mapping[str, str]) -> bool:
-    """Run the tests of a file in a copy of the project."""
+def _is_named(function: str, pattern: str) -> bool:
+    last = function.rpartition(".")[2]
+    return fnmatch.fnmatchcase(function, pattern) or fnmatch.fnmatchcase(last, pattern)
+
+
+class Loop:
+    """A pytest plugin that calls a function where the tests would run, and knows the last one that failed."""
+
+    def __init__(self, call: Callable[[Any, "Loop"], None]) -> None:
+        self._call = call
+        self.failed = ""
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Note a failure, also of a test that had no processor when it needed one (tests/conftest.py)."""
+        if report.failed or getattr(report, "starved", ""):
+            self.failed = report.nodeid
+
+    def pytest_runtestloop(self, session: Any) -> bool:
+        """Call the function if the tests were collected."""
+        if not session.testsfailed:
+            self._call(session, self)
+        return True
+
+    def first_failure(self, session: Any, items: Sequence[Any]) -> str:
+        """Run tests until one fails; return its name."""
+        for item, following in zip(items, [*items[1:], None], strict=True):
+            session.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            if self.failed:
+                break
+        return self.failed
+
+
+class Judge:
+    """Judges the mutants of a file in forks of the process that has collected its tests.
+
+    Args:
+        name: Of the file.
+        changes: The mutants.
+        jobs: How many are judged at the same time.
+        folder: Where forks write the name of the test that failed, or nothing.
+
+    Attributes:
+        survives: Whether each mutant survives, by its number.
+        broken: Why nothing is judged.
+    """
+
+    def __init__(self, name: str, changes: Sequence[Change], jobs: int, folder: Path) -> None:
+        self._name = name
+        self._module = name.removesuffix(".py").replace("/", ".")
+        self._changes = changes
+        self._jobs = jobs
+        self._folder = folder
+        self._took_s: dict[str, float] = {}
+        self._orders: dict[str, list[str]] = {}
+        self._forks: dict[int, int] = {}
+        self.survives: dict[int, bool] = {}
+        self.broken = "they cannot be collected"
+
+    def judge(self, session: Any, loop: Loop) -> None:
+        """Run the tests without a mutant, then with each."""
+        measured = self._folder / "measured"
+        source = (ROOT / self._name).read_text(encoding="utf-8")
+        os.waitpid(_fork(lambda: self._measure(source, session, loop, measured), math.inf), 0)
+        self._took_s, reached, self.broken = json.loads(measured.read_text(encoding="utf-8"))
+        if self.broken:
+            return
+        tests = sorted(self._took_s, key=self._took_s.__getitem__)
+        imported = self._folder / "imported"
+        os.waitpid(_fork(lambda: self._import(source, tests, imported), math.inf), 0)
+        self.broken = imported.read_text(encoding="utf-8")
+        if self.broken:
+            return
+        items = {item.nodeid: item for item in session.items}
+        for number, change in enumerate(self._changes):
+            while len(self._forks) >= self._jobs:
+                self._take()
+            report = self._folder / str(number)
+            function = change.mutant.function
+            # A function that no test reaches may be called as its module is imported.
+            if change.code is None or function not in reached:
+                order = self._orders.setdefault(MODULE, tests)
+                work = partial(self._import, change.source, order, report)
+            else:
+                order = self._orders.setdefault(
+                    function, sorted(reached[function], key=tests.index)
+                )
+                chosen = [items[name] for name in order]
+                live = self._live(function)
+
+                def work(live=live, code=change.code, chosen=chosen, report=report) -> None:
+                    live.__code__ = code
+                    report.write_text(loop.first_failure(session, chosen), encoding="utf-8")
+
+            processor_s = LEAST_PROCESSOR_S + 4.0 * sum(self._took_s[name] for name in order)
+            self._forks[_fork(work, processor_s)] = number
+        while self._forks:
+            self._take()
+
+    def _take(self) -> None:
+        """Wait for a fork; the test that noticed its mutant comes first for the next mutant of that function."""
+        pid, _ = os.wait()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(pid, signal.SIGKILL)  # what its tests have started
+        number = self._forks.pop(pid)
+        report = self._folder / str(number)
+        failed = report.read_text(encoding="utf-8") if report.exists() else "ended by a limit"
+        self.survives[number] = not failed
+        for order in (
+            self._orders.get(self._changes[number].mutant.function),
+            self._orders.get(MODULE),
+        ):
+            if order and failed in order:
+                order.remove(failed)
+                order.insert(0, failed)
+
+    def _measure(self, source: str, session: Any, loop: Loop, report: Path) -> None:
+        """Run every test; report how long each takes, which functions of the file it reaches, and which one failed."""
+        import coverage
+
+        path = str(ROOT / self._name)
+        watch = coverage.Coverage(data_file=None, include=[path], config_file=False)
+        watch.start()
+        took_s = {}
+        for item in session.items:
+            watch.switch_context(item.nodeid)
+            began_s = time.process_time()
+            loop.first_failure(session, [item])
+            took_s[item.nodeid] = time.process_time() - began_s
+        watch.stop()
+        by_line = watch.get_data().contexts_by_lineno(path)
+        reached = {}
+        for function, node in functions_of(ast.parse(source)):
+            lines = range(node.body[0].lineno, node.end_lineno + 1)
+            if names := {name for line in lines for name in by_line.get(line, ()) if name}:
+                reached[function] = sorted(names)
+        report.write_text(json.dumps((took_s, reached, loop.failed)), encoding="utf-8")
+
+    def _import(self, source: str, order: Sequence[str], report: Path) -> None:
+        """Collect the tests again with the modules of the project, one of which has this source; run them."""
+        import pytest
+
+        for module in list(sys.modules):
+            if module.partition(".")[0] in PACKAGES:
+                del sys.modules[module]
+        get_code = SourceFileLoader.get_code
+
+        def code_of(loader: SourceFileLoader, module: str) -> CodeType | None:
+            if module == self._module:
+                return compile(source, str(ROOT / self._name), "exec")
+            return get_code(loader, module)
+
+        def run(session: Any, loop: Loop) -> None:
+            items = sorted(session.items, key=lambda item: order.index(item.nodeid))
+            report.write_text(loop.first_failure(session, items), encoding="utf-8")
+
+        SourceFileLoader.get_code = code_of
+        report.write_text("cannot be imported", encoding="utf-8")
+        pytest.main([*PYTEST, *TESTS[self._name]], plugins=[Loop(run)])
+
+    def _live(self, function: str) -> Any:
+        """Return a function of the module, without its decorators."""
+        found: Any = import_module(self._module)
+        for name in function.split("."):
+            found = vars(found)[name]
+        found = getattr(found, "fget", None) or getattr(found, "__func__", found)
+        return inspect.unwrap(found)
+
+
+def _fork(work: Callable[[], object], processor_s: float) -> int:
+    """Do some work in a silent fork with limits; return its process id."""
+    if pid := os.fork():
+        return pid
     try:
-        done = subprocess.run(
-            [*PYTEST, "-m", MARKS, *TESTS[name]],
-            cwd=folder,
-            env=os.environ | ENVIRONMENT | environment,
-            check=False,
-            capture_output=True,
-            timeout=LONGEST_S,
-        )
-    except subprocess.TimeoutExpired:
-        return False
-    return done.returncode == 0
+        os.setpgid(0, 0)
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1, 2):
+            os.dup2(nothing, stream)
+        signal.alarm(LONGEST_S)
+        if processor_s < math.inf:
+            limit_s = math.ceil(processor_s)
+            resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
+        work()
+    finally:
+        os._exit(0)
 
 
 def undecorated(source: str) -> str:
@@ -422,23 +508,68 @@ def undecorated(source: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def changes_of(mutated: str) -> dict[str, Mutant]:
-    """Return the change of every mutant in a file that mutmut wrote, by mutmut's name for it."""
-    lines = mutated.splitlines()
-    functions = {
-        node.name: lines[node.lineno - 1 : node.end_lineno]
-        for node in ast.walk(ast.parse(mutated))
-        if isinstance(node, ast.FunctionDef) and "__mutmut_" in node.name
-    }
-    changes = {}
-    for name, body in functions.items():
-        mangled, _, number = name.partition("__mutmut_")
-        if number == "orig":
-            continue
-        function = mangled.removeprefix("x_").removeprefix("xǁ").replace("ǁ", ".")
-        before = functions[f"{mangled}__mutmut_orig"]
-        changes[name] = _change(function, before[1:], body[1:])
-    return changes
+def functions_of(tree: ast.Module) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
+    """Yield the functions of a module and the methods of its classes, by name."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield node.name, node
+        elif isinstance(node, ast.ClassDef):
+            for method in node.body:
+                if isinstance(method, ast.FunctionDef | ast.AsyncFunctionDef):
+                    yield f"{node.name}.{method.name}", method
+
+
+def changes_of(source: str) -> Iterator[Change]:
+    """Yield the mutants of a module.
+
+    Outside of functions, texts are left out, and so are assignments of None, which would stop the import.
+    """
+    import libcst
+    from mutmut.mutation.file_mutation import MutationVisitor, deep_replace
+    from mutmut.mutation.mutators import mutation_operators
+    from mutmut.mutation.pragma_handling import IgnoredCode
+
+    left_out = (libcst.BaseString, libcst.Assign, libcst.AnnAssign)
+    visitor = MutationVisitor(mutation_operators, IgnoredCode(set(), set(), set()))
+    wrapper = libcst.MetadataWrapper(libcst.parse_module(source))
+    end = 0
+    with visitor.resolve(wrapper):
+        for statement in wrapper.module.body:
+            before = wrapper.module.code_for_node(statement)
+            begin = source.index(before, end)
+            end = begin + len(before)
+            visitor.mutations = []
+            statement.visit(visitor)
+            for mutation in visitor.mutations:
+                node = mutation.contained_by_top_level_function
+                names = []
+                if isinstance(node, libcst.FunctionDef):
+                    names = [node.name.value]
+                    if node is not statement:
+                        names.insert(0, statement.name.value)
+                elif isinstance(mutation.original_node, left_out):
+                    continue
+                changed = deep_replace(statement, mutation.original_node, mutation.mutated_node)
+                after = wrapper.module.code_for_node(changed)
+                function = ".".join(names) or MODULE
+                yield Change(
+                    _change(function, before.splitlines(), after.splitlines()),
+                    _changed_code(names, before, after),
+                    source[:begin] + after + source[end:],
+                )
+
+
+def _changed_code(names: Sequence[str], before: str, after: str) -> CodeType | None:
+    """Return the code of a function; None if there is none, or if something else than its body changes."""
+    codes = []
+    for text in (before, after):
+        code = compile(text, "", "exec")
+        for name in names:
+            inner = (one for one in code.co_consts if isinstance(one, CodeType))
+            code = next(one for one in inner if one.co_name == name)
+        codes.append(code)
+    same_names = codes[0].co_freevars == codes[1].co_freevars
+    return codes[1] if names and same_names and codes[0] != codes[1] else None
 
 
 def _change(function: str, before: Sequence[str], after: Sequence[str]) -> Mutant:

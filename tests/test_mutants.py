@@ -2,10 +2,12 @@
 
 import ast
 from collections import Counter
+from types import FunctionType
 
 import pytest
 
 from tests.mutants import (
+    MODULE,
     ROOT,
     TESTS,
     Mutant,
@@ -53,33 +55,37 @@ def test_a_property_without_its_decorator_is_one_and_a_cache_is_gone():
     assert names["c"]() is not names["c"]()
 
 
-MUTATED = """
+SOURCE = """
+LEAST = 3
+
 class A:
-    def xǁAǁb__mutmut_orig(self):
+    def b(self, most=2):
         return (
-            1 + 2
+            1 + most
         )
 
-    def xǁAǁb__mutmut_1(self):
-        return (
-            1 - 2
-        )
-
-
-def x_c__mutmut_orig():
-    return 1
-
-
-def x_c__mutmut_1():
-    return 2
+def c():
+    return d(LEAST) < 4
 """
 
 
 def test_a_mutant_is_known_by_its_function_and_its_lines():
-    assert changes_of(MUTATED) == {
-        "xǁAǁb__mutmut_1": Mutant("A.b", "1 + 2", "1 - 2"),
-        "x_c__mutmut_1": Mutant("c", "return 1", "return 2"),
+    mutants = {change.mutant: change for change in changes_of(SOURCE)}
+    assert set(mutants) == {
+        Mutant(MODULE, "LEAST = 3", "LEAST = 4"),
+        Mutant("A.b", "def b(self, most=2):", "def b(self, most=3):"),
+        Mutant("A.b", "1 + most", "2 + most"),
+        Mutant("A.b", "1 + most", "1 - most"),
+        Mutant("c", "return d(LEAST) < 4", "return d(None) < 4"),
+        Mutant("c", "return d(LEAST) < 4", "return d(LEAST) <= 4"),
+        Mutant("c", "return d(LEAST) < 4", "return d(LEAST) < 5"),
     }
+    for mutant, change in mutants.items():
+        assert mutant.becomes in change.source
+        # A default is computed with the module, not with its function.
+        assert (change.code is None) is ("LEAST =" in mutant.line or "most=" in mutant.line)
+    swapped = FunctionType(mutants[Mutant("A.b", "1 + most", "1 - most")].code, {})
+    assert swapped(None, 3) == -2
 
 
 def test_a_survivor_has_to_be_listed_and_a_listed_mutant_has_to_survive():
@@ -87,8 +93,7 @@ def test_a_survivor_has_to_be_listed_and_a_listed_mutant_has_to_survive():
     second = Mutant("f", "a < b", "a > b")
 
     def faults(survivors, listed):
-        words = dict.fromkeys(survivors, "survives")
-        return len(list(faults_of("file", Counter([first, second]), words, listed, whole=True)))
+        return len(list(faults_of("file", Counter([first, second]), survivors, listed, whole=True)))
 
     assert faults([first], [first]) == 0
     assert faults([first, second], [first]) == 1
