@@ -9,6 +9,9 @@ The main figure is the flown time (until within 0.5 m of the stand-off disc, hor
 value of the game. `--all` compares it with a plain loop (the game's velocity is sent unchanged) and with pure pursuit.
 Time is virtual, the mock is calibrated, and estimator errors are on. Overshoot is measured on the true motion: the
 depth inside the stand-off radius, and the depth below the disc's height.
+
+What the vehicle itself allows is computed too: the fastest of the same chases at a steady rate of descent, and a chase
+that begins at the disc's height.
 """
 
 import argparse
@@ -19,21 +22,35 @@ from dataclasses import replace
 from rich.console import Console
 from rich.table import Table
 
-from guidance.autopilots import AUTOPILOTS
+from guidance.cycle.monitor import Violation
 from guidance.flight import FlightSettings
+from guidance.frames import Ned
 from guidance.messages import Setpoint
+from guidance.sim.scenario import Scenario
 from guidance.strategies import Strategy
 from tests.harness.chase import Chased, altered, chase, hover_chase
 
 Change = Callable[[FlightSettings], FlightSettings]
 
 WANTED: Mapping[str, Mapping[tuple[float, float], float]] = {
-    "px4": {(6.0, 3.0): 1.06, (8.0, 4.0): 1.16},
-    "arducopter": {(6.0, 3.0): 1.07, (8.0, 4.0): 1.19},
+    "px4": {(6.0, 3.0): 1.06, (8.0, 4.0): 1.19},
+    "arducopter": {(6.0, 3.0): 1.07, (8.0, 4.0): 1.12},
 }
 """Largest allowed flown time over value, by autopilot and the speeds of both players."""
 
-ABOVE_THE_BOUND = 1.03
+ABOVE_THE_FASTEST = 1.04
+"""Largest allowed flown time over that of the fastest descent."""
+
+ABOVE_LEVEL = 1.16
+"""Largest allowed time of the fastest descent over that of a chase which begins at the disc's height."""
+
+STEADY_M_S = (0.9, 1.0, 1.1, 1.2, 1.3, 1.5)
+"""Descent rates of the flights among which the fastest is sought. A vehicle that descends flies more slowly over the
+ground: PX4's mock reaches 8.7 m/s level, 8.2 m/s at a rate of 0.75 m/s, and 7.6 m/s at 1.45 m/s."""
+
+HONEST = {Violation.TOO_SLOW}
+"""A vehicle that does not reach its speed says so, and promises the time that it needs."""
+
 HEIGHT_M = 0.2
 STATION_M = 0.5
 COLUMNS = (
@@ -105,6 +122,26 @@ def without_acceleration(setpoint: Setpoint) -> Setpoint:
     return setpoint._replace(acceleration_ned_m_s2=None)
 
 
+def steady(rate_m_s: float) -> Callable[[Setpoint], Setpoint]:
+    """Return a function that limits the rate of descent."""
+
+    def send(setpoint: Setpoint) -> Setpoint:
+        north_m_s, east_m_s, down_m_s = setpoint.velocity_ned_m_s
+        return setpoint._replace(
+            velocity_ned_m_s=Ned((north_m_s, east_m_s, min(down_m_s, rate_m_s)))
+        )
+
+    return send
+
+
+def at_the_discs_height(scenario: Scenario) -> Scenario:
+    """Return the chase without a descent, which no descent from above can be faster than."""
+    east_m, north_m, _ = scenario.pursuer.position_m
+    height_m = scenario.standoff.height_m
+    place = {"position_m": (east_m, north_m, height_m), "takeoff_height_m": height_m}
+    return scenario.model_copy(update={"pursuer": scenario.pursuer.model_copy(update=place)})
+
+
 def add(table: Table, name: str, seed: str, rows: list[Chased]) -> None:
     """Add one row: one chase, or the mean of several with the worst overshoot."""
 
@@ -159,20 +196,17 @@ def _figures(
     )
     yield "off the disc's height on station, m", HEIGHT_M, max(row.worst_height_m for row in rows)
     yield "off the rim on station, m", STATION_M, max(row.worst_reported_m for row in rows)
-    yield "alarms", 0.0, float(max(len(row.alarms) for row in rows))
-    strictly = [chase(scenario, change=strict) for scenario in scenarios]
-    closing_m_s = u - v
-    ground_m_s2 = AUTOPILOTS[autopilot].handling.acceleration.ground_m_s2
-    over = [
-        row.flown_s / (row.value_s + u * u / (2.0 * ground_m_s2 * closing_m_s)) for row in strictly
+    broken = [alarm for row in rows for _, alarm in row.alarms if alarm.violation not in HONEST]
+    yield "alarms of a broken promise", 0.0, float(len(broken))
+    fastest = [
+        min(chase(scenario, send=steady(rate_m_s)).flown_s for rate_m_s in STEADY_M_S)
+        for scenario in scenarios
     ]
-    yield "limits at the game's speeds: flown / (V + u²/2a(u-v))", ABOVE_THE_BOUND, max(over)
-    yield (
-        "the same: largest command, m/s",
-        u + 1e-9,
-        max(row.largest_command_m_s for row in strictly),
-    )
-    yield "the same: alarms", 0.0, float(max(len(row.alarms) for row in strictly))
+    over = [row.flown_s / flown_s for row, flown_s in zip(rows, fastest, strict=True)]
+    yield "flown / fastest steady descent", ABOVE_THE_FASTEST, max(over)
+    level = [chase(at_the_discs_height(scenario)).flown_s for scenario in scenarios]
+    over = [flown_s / level_s for flown_s, level_s in zip(fastest, level, strict=True)]
+    yield "fastest steady descent / level from the disc's height", ABOVE_LEVEL, max(over)
 
 
 def compare(console: Console, autopilot: str, seeds: range) -> None:
