@@ -295,55 +295,47 @@ def heard_of(settings, vehicle, mode=None):
     return observed
 
 
+AT_HOME = observe(VehicleState(), [home(), LandedState(0.0, 1)])
+
+
 @pytest.mark.parametrize("autopilot", BOTH)
-@pytest.mark.parametrize("state", sorted(set(State) - {State.STANDING_BY}))
-def test_each_state_asks_for_what_it_needs(state, autopilot):
+def test_each_state_asks_for_what_it_needs(autopilot):
     settings = settings_of(autopilot)
-    vehicle = observe(VehicleState(), [home(), LandedState(0.0, 1)])
-    modes = {
-        State.ENTERING: Mode.GUIDED,
-        State.HOLDING: Mode.HOLD,
-        State.RETURNING: Mode.RETURN,
-        State.LANDING: Mode.LAND,
+    observed = heard_of(settings, AT_HOME, Mode.OTHER)
+    observed.has_flown = True
+    observed.tracking.local_frame = LocalFrame(47.0, 8.0, Amsl(500.0), projection=PX4.projection)
+    observed.start_ned_m = (0.0, 0.0, 0.0)
+    start = {"latitude_deg": 47.0, "longitude_deg": 8.0, "altitude_amsl_m": 500.0}
+    needed = {
+        State.ARMING: autopilot.set_mode(autopilot.arming_mode),
+        State.CLIMBING: autopilot.takeoff(height_m=10.0, home_amsl_m=492.0),
+        State.POSITIONING: autopilot.reposition(**start),
+        State.ENTERING: autopilot.set_mode(Mode.GUIDED),
+        State.HOLDING: autopilot.set_mode(Mode.HOLD),
+        State.RETURNING: autopilot.set_mode(Mode.RETURN),
+        State.LANDING: autopilot.set_mode(Mode.LAND),
     }
-    at_start = heard_of(settings, vehicle, Mode.OTHER)
-    at_start.has_flown = True
-    at_start.tracking.local_frame = LocalFrame(47.0, 8.0, Amsl(500.0), projection=PX4.projection)
-    at_start.start_ned_m = (0.0, 0.0, 0.0)
-    requests = requests_in(state, settings, at_start)
-    if state in modes:
-        assert requests == (autopilot.set_mode(modes[state]),)
-    elif state is State.ARMING:
-        assert requests == (autopilot.set_mode(autopilot.arming_mode),)
-        there = heard_of(settings, vehicle, autopilot.arming_mode)
-        assert requests_in(state, settings, there) == ()
-        assert requests_in(state, settings, there, arms=True) == (autopilot.arm(),)
-    elif state is State.CLIMBING:
-        assert requests == (autopilot.takeoff(height_m=10.0, home_amsl_m=492.0),)
-        assert (
-            requests_in(
-                state, settings, heard_of(settings, observe(vehicle, [LandedState(0.0, 2)]))
-            )
-            == ()
-        )
-        assert (
-            requests_in(
-                state, settings, heard_of(settings, observe(VehicleState(), [LandedState(0.0, 1)]))
-            )
-            == ()
-        )
-    elif state is State.POSITIONING:
-        assert requests == (
-            autopilot.reposition(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=500.0),
-        )
-        assert requests_in(state, settings, heard_of(settings, vehicle, Mode.OTHER)) == ()
-    elif state is State.CHECKING:
-        assert len(requests) == len(autopilot.streams_hz) + 3
-    elif state is State.READY:
-        asked = [request.params[0] for request in requests]
-        assert asked == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
-    else:
-        assert requests == ()
+    asked = {state: requests_in(state, settings, observed) for state in State}
+    assert len(asked.pop(State.CHECKING)) == len(autopilot.streams_hz) + 3
+    places = [request.params[0] for request in asked.pop(State.READY)]
+    assert places == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
+    assert {state: requests for state, requests in asked.items() if requests} == {
+        state: (request,) for state, request in needed.items()
+    }
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_no_state_asks_for_what_is_there_already_or_cannot_be(autopilot):
+    settings = settings_of(autopilot)
+    in_mode = heard_of(settings, AT_HOME, autopilot.arming_mode)
+    assert requests_in(State.ARMING, settings, in_mode) == ()
+    assert requests_in(State.ARMING, settings, in_mode, arms=True) == (autopilot.arm(),)
+    airborne = observe(AT_HOME, [LandedState(0.0, 2)])
+    nowhere = observe(VehicleState(), [LandedState(0.0, 1)])
+    for vehicle in (airborne, nowhere):
+        assert requests_in(State.CLIMBING, settings, heard_of(settings, vehicle)) == ()
+    without_frame = heard_of(settings, AT_HOME, Mode.OTHER)
+    assert requests_in(State.POSITIONING, settings, without_frame) == ()
 
 
 @pytest.mark.parametrize("engage_on", list(EngageOn))

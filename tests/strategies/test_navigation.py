@@ -42,14 +42,6 @@ def navigation(gain):
     return law
 
 
-@pytest.mark.parametrize("game", [POINT, COPTER])
-def test_lead_pursuit_of_a_steady_evader_flies_straight(game):
-    run = game.evader_speed_m_s * np.array([0.6, 0.8, 0.0])
-    height = game.standoff.height_m
-    _, headings = chased(game, lead, np.array([0.0, 0.0, height]), np.array([30.0, 5.0, 0.0]), run)
-    assert np.ptp(headings) < 1e-3
-
-
 def test_proportional_navigation_turns_gain_times_as_fast_as_the_line_of_sight():
     P = np.zeros(3)
     E = np.array([20.0, 0.0, 0.0])
@@ -173,19 +165,17 @@ def test_the_laws_are_as_good_as_their_names_against_an_evader_that_crosses(game
     assert led <= navigated < pure
 
 
-def test_a_batch_of_either_law_is_its_rows_bit_for_bit():
+def test_a_batch_is_its_rows_bit_for_bit():
     rng = np.random.default_rng(3)
     P, E = rng.uniform(-20, 20, (2, 40, 3)) * [1, 1, 0.5] + [0, 0, 10]
     E[:, 2] = 0.0
     run, previous = rng.uniform(-1, 1, (2, 40, 3)) * [1, 1, 0]
     dt = rng.uniform(0.0, 0.02, 40)
     for game in (POINT, COPTER):
-        led = lead_pursuit(game, P, E, None, run)
         navigated = proportional_navigation(
             game, P, E, run, StrategyMemory(previous), dt_s=dt, gain=3.0
         )
         for i in range(40):
-            np.testing.assert_array_equal(lead_pursuit(game, P[i], E[i], None, run[i]), led[i])
             alone = proportional_navigation(
                 game, P[i], E[i], run[i], StrategyMemory(previous[i]), dt_s=dt[i], gain=3.0
             )
