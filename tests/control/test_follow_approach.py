@@ -154,7 +154,7 @@ def _rest_m(settings, coming_m_s):
 
 
 @pytest.mark.parametrize("pace", [0.0, 3.0, -1.0])
-@pytest.mark.parametrize("lag_s", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("lag_s", [0.1, 0.3])
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, lag_s, pace):
     settings = AUTOPILOTS[name].handling.approach

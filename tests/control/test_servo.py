@@ -128,8 +128,14 @@ def test_a_blocked_vehicle_does_not_wind_the_servo_up():
     assert late.trim_ned_m_s2[0] == pytest.approx(early.trim_ned_m_s2[0], abs=0.05)
 
 
-@pytest.mark.parametrize("push", [(1.2, 0.0, 0.0), (0.0, -0.8, 0.0), (-0.7, 0.7, 0.0)])
-@pytest.mark.parametrize("wanted", [(0.0, 0.0, 0.0), (3.0, -1.0, 0.0), (6.0, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    ("wanted", "push"),
+    [
+        ((0.0, 0.0, 0.0), (1.2, 0.0, 0.0)),
+        ((3.0, -1.0, 0.0), (0.0, -0.8, 0.0)),
+        ((6.0, 0.0, 0.0), (-0.7, 0.7, 0.0)),
+    ],
+)
 def test_a_constant_push_leaves_no_steady_error(wanted, push):
     *_, (_, velocity, _) = run(wanted, GAINS, plant=loop(push=push), seconds=60.0)
     assert velocity == pytest.approx(wanted, abs=0.01)

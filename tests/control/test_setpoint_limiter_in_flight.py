@@ -155,7 +155,7 @@ def test_a_dive_ends_at_the_floor_and_a_climb_at_the_ceiling(vertical, height):
     assert turnings(heights) == 0
 
 
-@pytest.mark.parametrize("stops_at_s", [2.0, 5.0, 8.0, 12.0, 30.0])
+@pytest.mark.parametrize("stops_at_s", [2.0, 8.0, 30.0])
 def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
     # The estimated evader velocity keeps its old value after the stop, the worst case of a slow estimate.
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=50.0), ceiling_m=60.0)
@@ -174,7 +174,7 @@ def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
     assert gaps[-1] == pytest.approx(3.0, abs=0.1)
 
 
-@pytest.mark.parametrize("stops_at_s", [2.0, 5.0, 8.0, 12.0])
+@pytest.mark.parametrize("stops_at_s", [5.0, 8.0])
 def test_an_evader_that_stops_dead_is_flown_past_over_it_and_never_below_the_lid(stops_at_s):
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=5.0))
     rows = fly(
@@ -208,8 +208,7 @@ def test_a_fleeing_evader_is_followed_beside_at_what_can_be_stopped_within():
     assert rows[-1][1][0] == pytest.approx(3.0, abs=0.05)
 
 
-@pytest.mark.parametrize("bearing_deg", [0, 135, 260])
-@pytest.mark.parametrize("height_m", [4.5, 7.0, 20.0])
+@pytest.mark.parametrize(("bearing_deg", "height_m"), [(0, 4.5), (135, 7.0), (260, 20.0)])
 def test_a_dive_at_the_evader_ends_on_the_rim_or_the_lid_of_the_stand_off(bearing_deg, height_m):
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=3.0, height_m=5.0))
     bearing = math.radians(bearing_deg)

@@ -7,7 +7,7 @@ from guidance.flight import Event, State
 from guidance.flight.detection import JUDGED_AFTER_S
 from guidance.messages import Heartbeat, SystemStatus
 from guidance.session.orders.answers import failed_checks
-from tests.flight.flown import ARM, SET_MODE, Flown, commands
+from tests.flight.flown import ARM, SET_MODE, SLOW_S, Flown, commands
 from tests.flight.scenes import ARDUCOPTER, BOTH, PREARM, settings_of, status
 from tests.harness.sortie import Sorties, Stepped
 
@@ -86,9 +86,9 @@ def test_a_check_that_passes_in_another_mode_only_arms_nothing_and_the_end_names
     outputs = [vehicle.cycle(Event.START)]
     assert SET_MODE in commands(outputs)
     vehicle.mode = autopilot.arming_mode
-    outputs += vehicle.cycles(14.0)
+    outputs += vehicle.cycles(14.0, dt_s=SLOW_S)
     assert ARM not in commands(outputs)
-    outputs += vehicle.cycles(1.2)
+    outputs += vehicle.cycles(1.2, dt_s=SLOW_S)
     assert vehicle.state is State.FAILED
     title = autopilot.mode_title(autopilot.arming_mode)
     assert vehicle.flight.cause.words == f"the autopilot's own checks fail in {title}"

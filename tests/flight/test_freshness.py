@@ -108,19 +108,19 @@ def test_a_climb_lands_when_the_charge_is_old_or_low(autopilot, told):
     flight = Silenced(settings_of(autopilot)).climbing()
     if told:
         flight.battery = 0.1
-        flight.cycles(3.2)  # three reports in succession
+        flight.cycles(3.2, dt_s=SLOW_S)  # three reports in succession
     else:
         flight.without = (SystemStatus,)
-        flight.cycles(CHARGE_LIMIT_S - 1.2)
+        flight.cycles(CHARGE_LIMIT_S - 1.2, dt_s=SLOW_S)
         assert flight.state is State.CLIMBING
-        flight.cycles(1.6)
+        flight.cycles(1.6, dt_s=SLOW_S)
     assert flight.state is State.LANDING
     cause = flight.flight.cause
     assert cause.event is (Event.BATTERY_LOW if told else Event.BATTERY_UNKNOWN)
     assert cause.before is State.CLIMBING
     # Whoever holds it nevertheless is obeyed.
     flight.cycle(Event.HOLD)
-    flight.cycles(4.0)
+    flight.cycles(4.0, dt_s=SLOW_S)
     assert flight.state is State.HOLDING
 
 
@@ -149,7 +149,7 @@ def test_arming_is_not_asked_for_again_once_sys_status_is_old():
     flight.without = (SystemStatus,)
     flight.cycles(STATUS_LIMIT_S + 0.2)
     assert flight.state is State.ARMING
-    assert ARM not in commands(flight.cycles(5.0))
+    assert ARM not in commands(flight.cycles(5.0, dt_s=SLOW_S))
 
 
 def test_a_hold_that_is_ordered_while_the_charge_is_unknown_stands():

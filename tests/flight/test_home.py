@@ -13,7 +13,7 @@ from guidance.flight.tracking import HOME_NOTE_M
 from guidance.frames import Amsl, Ned
 from guidance.messages import Command, Home, Origin
 from guidance.session.orders.answers import refusal
-from tests.flight.flown import ARM, Flown, commands
+from tests.flight.flown import ARM, SLOW_S, Flown, commands
 from tests.flight.scenes import BOTH, CYCLE, ENVELOPE, HOME_DOWN_M, settings_of
 from tests.harness.sortie import Sorties, Stepped
 
@@ -179,7 +179,7 @@ def test_a_vehicle_that_proves_to_be_outside_while_it_arms_is_not_armed_and_the_
     flight.cycle(Event.START)
     assert flight.state is State.ARMING
     flight.position[0] = 30.0
-    outputs = flight.cycles(15.2)
+    outputs = flight.cycles(15.2, dt_s=SLOW_S)
     assert ARM not in commands(outputs)
     assert flight.state is State.FAILED
     assert "30.0 m from home, 14.0 m outside the fence" in flight.flight.cause.words
