@@ -11,6 +11,7 @@ from guidance.flight import EngageOn, Event, State
 from guidance.flight.detection import (
     LOSS_SPARE_S,
     Stage,
+    arming_refusal,
     checks,
     detail_of,
     events,
@@ -19,7 +20,7 @@ from guidance.flight.detection import (
     telemetry_gap,
     telemetry_refusal,
 )
-from guidance.flight.freshness import NEEDED
+from guidance.flight.freshness import NEEDED, STATUS_LIMIT_S, TELEMETRY_LIMIT_S
 from guidance.flight.observed import Observed
 from guidance.flight.settings import AfterCapture, Inputs
 from guidance.flight.table import (
@@ -60,6 +61,7 @@ from tests.flight.scenes import (
 FLYING = sorted(
     {state for state, event in TRANSITIONS if event is Event.REBOOTED} - {State.OUT_OF_CONTACT}
 )
+GPS = 1 << 5
 INVITING = settings_of(engage_on=EngageOn.PILOT_MODE)
 GUIDED = well(heartbeat(mode=Mode.GUIDED))
 
@@ -151,6 +153,7 @@ def test_a_vehicle_that_is_armed_before_guidance_asked_was_armed_by_somebody_els
     ("height_m", "landed", "is_told_now", "pilots"),
     [
         (7.9, 2, True, True),
+        (8.0, 2, True, False),
         (8.1, 2, True, False),  # PX4 ends the climb a little below the height
         (0.0, 3, True, True),
         (0.0, 1, True, False),  # before the take-off it holds
@@ -531,10 +534,10 @@ def observed_of(vehicle, autopilot=PX4, **changes):
     ).observed
 
 
-def row(name, vehicle, autopilot=PX4):
+def row(name, vehicle, autopilot=PX4, **changes):
     (one,) = [
         check
-        for check in checks(observed_of(vehicle, autopilot), autopilot, NOW_S)
+        for check in checks(observed_of(vehicle, autopilot, **changes), autopilot, NOW_S)
         if check.name == name
     ]
     return one.verdict == "pass", one.value
@@ -590,6 +593,83 @@ def test_telemetry_that_is_half_a_second_late_is_too_late_to_start_with(delay_s,
     late = local()._replace(time_boot_s=NOW_S - delay_s)
     vehicle = observe(VehicleState(), [timesync(), late])
     assert row("delay", vehicle) == (passed, f"{delay_s:.2f} s")
+
+
+@pytest.mark.parametrize(
+    ("north_m", "found"),
+    [
+        (0.0, (True, "0.0 m from home")),
+        (299.5, (True, "299.5 m from home")),
+        (300.0, (True, "300.0 m from home")),
+        (300.5, (False, "300.5 m from home, 0.5 m outside the fence of 300.0 m")),
+    ],
+)
+def test_a_vehicle_is_inside_the_whole_fence_and_not_only_where_commands_stay(north_m, found):
+    envelope = replace(ENVELOPE, fence_margin_m=2.0, home_ned_m=Ned((0.0, 0.0, HOME_DOWN_M)))
+    position = Ned((north_m, 0.0, HOME_DOWN_M - 10.0))
+    passed, value = row("fence", well(), envelope=envelope, position_ned_m=position)
+    assert (passed, value.split(":")[0]) == found
+    assert ("set home" in value) is not passed
+
+
+def test_a_home_that_is_fixed_may_be_old_and_nothing_else():
+    fixed = well(home(NOW_S - 99.0))._replace(home_fixed=True)
+    assert fit(context(State.READY, vehicle=fixed))
+    for old in (Attitude(NOW_S - 1.1, 0.0, 0.0), status(NOW_S - 3.1)):
+        assert not fit(context(State.READY, vehicle=observe(fixed, [old])))
+
+
+def arming(vehicle, autopilot=ARDUCOPTER, shown_s=NOW_S - 1.0):
+    observed = observed_of(vehicle, autopilot)
+    observed.mode_since_s = shown_s
+    return arming_refusal(observed, autopilot, NOW_S)
+
+
+def test_arming_needs_a_check_that_was_made_a_second_after_the_mode_was_shown():
+    on_the_ground = well(heartbeat(mode=Mode.GUIDED, armed=False, autopilot=ARDUCOPTER))
+    assert arming(on_the_ground) == ""
+    assert "yet" in arming(on_the_ground, shown_s=NOW_S - 0.9)
+
+
+def test_a_check_in_our_own_mode_that_misses_our_readiness_keeps_nobody_from_arming():
+    for autopilot, bars in ((PX4.as_mode, False), (ARDUCOPTER, True)):
+        beat = heartbeat(mode=Mode.GUIDED, armed=False, autopilot=autopilot)
+        assert bool(arming(well(beat, status(healthy=0)), autopilot)) is bars
+
+
+@pytest.mark.parametrize("state", sorted(set(State) - BEFORE_FLIGHT - FINAL))
+def test_a_pilots_choice_of_our_mode_is_no_intervention_where_it_may_begin_the_game(state):
+    ours = PX4.as_mode
+    for mode in (Mode.GUIDED, Mode.HOLD, Mode.OTHER):
+        beat = heartbeat(mode=mode, autopilot=ours)
+        seen = happens(
+            Event.PILOT, state, vehicle=well(beat), settings=settings_of(ours), left=frozenset()
+        )
+        chosen = state in {State.STANDING_BY, State.OUT_OF_CONTACT, State.HOLDING}
+        asked = ours.arming_mode if state is State.ARMING else ASKED_MODES.get(state)
+        climbs = state is State.CLIMBING and mode is Mode.HOLD
+        assert seen is not (mode is asked or climbs or (mode is Mode.GUIDED and chosen))
+
+
+def test_an_armed_vehicles_own_check_counts_in_every_mode():
+    lost_gps = status(present=PREARM | GPS, healthy=PREARM)
+    for armed in (True, False):
+        vehicle = well(heartbeat(mode=Mode.OTHER, armed=armed), lost_gps)
+        passed, value = row("prearm", vehicle)
+        assert passed is armed
+        assert (PX4.mode_title(Mode.HOLD) in value) is not armed
+
+
+def test_values_as_old_as_is_allowed_bar_no_engagement():
+    edge = well(status(NOW_S - STATUS_LIMIT_S), Attitude(NOW_S - TELEMETRY_LIMIT_S, 0.0, 0.0))
+    assert telemetry_refusal(edge, NOW_S) == ""
+
+
+def test_only_arming_that_takes_too_long_says_what_it_waited_for():
+    waits = well(heartbeat(mode=Mode.OTHER, armed=False))
+    for state in (State.ARMING, State.CLIMBING, State.POSITIONING):
+        words = detail_of(Event.TIMED_OUT, context(state, vehicle=waits))
+        assert bool(words) is (state is State.ARMING)
 
 
 def test_a_delay_that_is_unknown_is_no_pass():
