@@ -35,7 +35,7 @@ OFFSETS = {"P": (8, 2), "E": (4, 8), "T": (-4, 10), "c": (4, -16), "g*": (-22, -
 RATIO = 2.0
 _APOLLONIUS = {"color": "black", "linestyle": (0, (5, 3)), "linewidth": 1.2}
 
-# Strategies of pursuer and evader, and the published number.
+# Policies of pursuer and evader, and the published number.
 TABLE_1 = (
     ("pure_pursuit", "optimal", "11.05"),
     ("optimal", "pure_evade", "10.43"),
@@ -92,8 +92,8 @@ class Case(NamedTuple):
         return self.pursuer_policy == self.evader_policy == "optimal"
 
     @property
-    def strategies(self) -> tuple[str, ...]:
-        """Both strategies as the paper writes them: u* and v* are the optimal ones, the others keep their names."""
+    def policies(self) -> tuple[str, ...]:
+        """Both policies as the paper writes them: u* and v* are the optimal ones, the others keep their names."""
         return _paper_name(self.pursuer_policy, "u*"), _paper_name(self.evader_policy, "v*")
 
 
@@ -152,7 +152,7 @@ def draw_figures(pe: PublishedTable, tad: PublishedTable, folder: Path) -> list[
     first_title = "TAD game, part 1: u* against the evader's strategies"
     _draw_tad(first_part, tad.cases[:3], first_title)
     second_part = figure_of(9.0, 4.8)
-    second_title = "TAD game, part 2: the pursuer's strategies against v*"
+    second_title = "TAD game, part 2: the pursuer's policies against v*"
     _draw_tad(second_part, tad.cases[2:], second_title)
     figures = {"pe": pe_figure, "tad-part-1": first_part, "tad-part-2": second_part}
     paths = []
@@ -173,8 +173,8 @@ def _plot_tracks(axes: Any, cases: Sequence[Case], dimensions: list[int], unit: 
             style = {"linestyle": next(dashes)}
         pursuer = np.stack([sample.pursuer_m for sample in case.path])[:, dimensions]
         evader = np.stack([sample.evader_m for sample in case.path])[:, dimensions]
-        strategies = " / ".join(case.strategies)
-        label = f"{strategies}: {case.exact} {unit}"
+        policies = " / ".join(case.policies)
+        label = f"{policies}: {case.exact} {unit}"
         axes.plot(*pursuer.T, color=RED, zorder=4, label=label, **style)
         axes.plot(*evader.T, color=BLUE, zorder=3, **style)
 

@@ -9,7 +9,7 @@
 | `pursuit_guidance.outputs` | a function of an `OutputOrder` that returns a `Sink` or None | every flight |
 | `pursuit_guidance.sections` | a subclass of `Section` | a section of vehicle files |
 
-A pursuit law is no entry point: `policy = "module:function"` names it (`guidance.strategies.own`). A package is
+A policy is no entry point: `policy = "module:function"` names it (`guidance.strategies.own`). A package is
 imported when a file uses its name; outputs are opened by every flight, and one that wants to be asked for has a section
 of its own and returns None if `order.config.section(ItsSection)` is None.
 """

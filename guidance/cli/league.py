@@ -1,4 +1,4 @@
-"""`guidance league`: a policy against the optimum and against the built-in strategies, on common random states."""
+"""`guidance league`: a policy against the optimum and against the built-in policies, on common random states."""
 
 import json
 from pathlib import Path
@@ -13,7 +13,7 @@ from guidance.screen import console, counted, headed
 league = typer.Typer(
     cls=CommandGroup,
     rich_markup_mode="markdown",
-    help="Play a policy against the optimum and the built-in strategies: `guidance league run policy.py:choose`.",
+    help="Play a policy against the optimum and the built-in policies: `guidance league run policy.py:choose`.",
 )
 
 
@@ -26,7 +26,7 @@ def _root() -> None:
 def run(
     policy: Annotated[
         str,
-        typer.Argument(help="path/to/file.py:function, module:function, or a built-in strategy."),
+        typer.Argument(help="path/to/file.py:function, module:function, or a built-in policy."),
     ],
     games: Annotated[int, typer.Option(min=1, help="Random states; each pair plays all.")] = 1000,
     seed: Annotated[int, typer.Option(min=0, help="Of the states and the intervals.")] = 0,
@@ -53,7 +53,7 @@ def run(
     ] = 3,
     as_json: AsJson = False,
 ) -> None:
-    """Play a policy, and beside it the built-in strategies, against the optimum and each built-in strategy.
+    """Play a policy, and beside it the built-in policies, against the optimum and each built-in policy.
 
     A policy is a Python function of observations (n, 8), in TAD (n, 10), that returns actions (n, 3), of an evader
     (n, 2): shares of the speed from -1 to 1 (`python -c "help('guidance.strategies.own')"`). **The file is run as your

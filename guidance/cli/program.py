@@ -16,7 +16,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
     "solve": ("solve", "Solve one state of a game, or every row of a file."),
     "scenario": ("scenario", "Run, list and explain scenario files."),
     "sweep": ("sweep", "Play a scenario with many values of its keys, and report the results."),
-    "league": ("league", "Play a policy against the optimum and the built-in strategies."),
+    "league": ("league", "Play a policy against the optimum and the built-in policies."),
     "compare": ("sweep", "Compare two outcomes or two sweeps."),
     "init": ("vehicle_setup", "Write a vehicle file for the autopilot at a URL."),
     "doctor": (

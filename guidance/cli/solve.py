@@ -175,7 +175,7 @@ def paper(
             cells = []
             for case in table.cases:
                 mark = "✓" if case.matches else "✗"
-                cells.append((*case.strategies, case.published, case.stepped, case.exact, mark))
+                cells.append((*case.policies, case.published, case.stepped, case.exact, mark))
             title = f"{table.title}; {table.quantity}"
             target.print(text_table(headings, cells, left=(0, 1), title=title))
         right = matches.count(True)

@@ -96,7 +96,7 @@ class Certificate(NamedTuple):
         strayed: Whether it is more than three tolerances away.
         evader_arrived: Whether the evader is at its target, uncaptured.
         no_game: Whether the evader is too fast for this vehicle.
-        policy_fault: Why the user's policy has no answer; None if it has one, or another strategy is flown.
+        policy_fault: Why the user's policy has no answer; None if it has one, or if another one is flown.
         time_needed_s: Promise of this vehicle: time to the meeting, if the evader runs away from now on (PE), or to the
             game's meeting point (TAD). An evader that turns, or passes below the vehicle, can make it later.
         assured_distance_m: Promise of this vehicle in TAD: the evader's final distance from its target, negative if

@@ -1,4 +1,4 @@
-"""One guidance cycle in five steps: where both are ▸ the game ▸ the strategy ▸ what the vehicle follows ▸ the limits.
+"""One guidance cycle in five steps: where both are ▸ the game ▸ the policy ▸ what the vehicle follows ▸ the limits.
 
 Pure: the same inputs, settings and memory give the same setpoint, bit for bit: in flight, in virtual time, in replay.
 """
@@ -52,7 +52,7 @@ class CycleSettings:
 
     Attributes:
         game: The game against the declared speed; each cycle plays it with the estimated speed.
-        strategy: Strategy of the pursuer; one of `guidance.strategies.PURSUER_STRATEGIES`.
+        policy: Strategy of the pursuer; one of `guidance.strategies.PURSUER_STRATEGIES`.
         speed_sigmas: k of the evader's speed bound max(declared, estimate + kσ). Too large a bound costs time too: the
             pursuer aims too far ahead.
         tolerance_m: Distance from the disc, horizontally and vertically, that counts as captured.
@@ -64,7 +64,7 @@ class CycleSettings:
     """
 
     game: Game
-    strategy: Strategy
+    policy: Strategy
     tolerance_m: float
     envelope: Envelope
     handling: Handling
@@ -83,7 +83,7 @@ class CycleInputs(NamedTuple):
         walls: All walls around the vehicle, see `guidance.control.braking_law`.
         evader: The estimated evader.
         game_frame: The game's frame, if it is known.
-        ask: Asks the user's policy, if the strategy is one.
+        ask: Asks the user's policy, if one is flown.
         guided: Whether a HEARTBEAT of this cycle shows the guided mode, so the vehicle has followed the setpoints.
     """
 
@@ -104,7 +104,7 @@ class CycleMemory(NamedTuple):
     height: AltitudeHold | None = None
     yaw_rad: float | None = None
     place: Point | None = None
-    strategy: StrategyMemory = StrategyMemory()
+    policy: StrategyMemory = StrategyMemory()
     optimal_game_m_s: Enu | None = None
     speed: SpeedMemory = SpeedMemory()
     circling: Circling = Circling()
@@ -136,7 +136,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     target_m = settings.target_game_m
     if target_m is not None:
         east_m_s, north_m_s = settings.game.target_velocity_m_s
-        target_m += Enu((east_m_s, north_m_s, 0.0)) * memory.strategy.played_s
+        target_m += Enu((east_m_s, north_m_s, 0.0)) * memory.policy.played_s
     players = Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m, gaps, evader.age_s)
 
     try:
@@ -180,7 +180,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         follow=unlimited.followed.memory,
         limits=limited.memory,
         yaw_rad=unlimited.command.yaw_rad,
-        strategy=aim.memory,
+        policy=aim.memory,
         optimal_game_m_s=Enu(certified.solution.pursuer_velocity_m_s),
         speed=unlimited.speed,
         circling=certified.circling,
@@ -223,13 +223,13 @@ def game_played(
 
 
 class Aim(NamedTuple):
-    """The velocity of the pursuer's strategy.
+    """The velocity of the pursuer's policy.
 
     Attributes:
         certified: The game from here, seen from this vehicle.
         nominal_ned_m_s: This velocity at the configured speed.
         hurried: Whether it is the game's full speed. A vehicle that waits or guards has time to spare.
-        memory: Of the strategy.
+        memory: Of the policy.
         policy_fault: Why the user's policy has no answer, so there is no velocity; None if there is one.
     """
 
@@ -247,7 +247,7 @@ def _aim(
     settings: CycleSettings,
     memory: CycleMemory,
 ) -> Aim:
-    """Step 3: certify the game from here, and ask the strategy for a velocity.
+    """Step 3: certify the game from here, and ask the policy for a velocity.
 
     Args:
         game: Of this cycle.
@@ -267,11 +267,11 @@ def _aim(
     certified = certify(game, players, vehicle, before_m_s, memory.circling, dt_s=inputs.dt_s)
     velocity_m_s: Enu | str = certified.velocity_m_s
     hurried = certified.course is ChosenCourse.SOLUTION
-    if settings.strategy.name != OPTIMAL:
-        velocity_m_s = _asked(settings.strategy, game, players, inputs, memory.strategy)
+    if settings.policy.name != OPTIMAL:
+        velocity_m_s = _asked(settings.policy, game, players, inputs, memory.policy)
         hurried = True
     if isinstance(velocity_m_s, str):
-        return Aim(certified, STILL, hurried, memory.strategy, policy_fault=velocity_m_s)
+        return Aim(certified, STILL, hurried, memory.policy, policy_fault=velocity_m_s)
     # At the configured speed, which shows whether the vehicle can fly faster. A vehicle that waits for its height, or
     # keeps up with the evader, asks for less than the game's speed.
     nominal_m_s = velocity_m_s
@@ -282,15 +282,15 @@ def _aim(
         nominal_m_s = velocity_m_s * (configured_m_s / reached_m_s)
         if game.pursuer.separate:
             nominal_m_s = nominal_m_s.level_with(velocity_m_s.up)
-    played = StrategyMemory(np.array(velocity_m_s), memory.strategy.played_s + inputs.dt_s)
+    played = StrategyMemory(np.array(velocity_m_s), memory.policy.played_s + inputs.dt_s)
     return Aim(certified, ned_from_game(nominal_m_s), hurried, played)
 
 
 def _asked(
-    strategy: Strategy, game: Game, players: Players, inputs: CycleInputs, memory: StrategyMemory
+    policy: Strategy, game: Game, players: Players, inputs: CycleInputs, memory: StrategyMemory
 ) -> Enu | str:
-    """Return the velocity of a strategy other than the optimal one, in the game frame, or why there is none."""
-    if strategy.is_own:
+    """Return the velocity of a policy other than the optimal one, in the game frame, or why there is none."""
+    if policy.is_own:
         if inputs.ask is None:
             return "there is no policy here to ask"
         last_m_s = np.zeros(3) if memory.velocity_m_s is None else memory.velocity_m_s
@@ -310,7 +310,7 @@ def _asked(
         return Enu(pursuer_velocity(game, np.array([answer]))[0].tolist())
     target_m = None if players.target_m is None else np.array(players.target_m)
     x, y, z = pursue(
-        strategy,
+        policy,
         game,
         np.array(players.pursuer_m),
         np.array(players.evader_m),
@@ -383,15 +383,15 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     still = Setpoint(still_ned_m_s, yaw_rad=yaw_rad)
     limited = limit(still, here, settings.envelope, memory.limits, dt_s, walls=inputs.walls)
     paused = StrategyMemory()
-    if memory.strategy.velocity_m_s is not None:
-        paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s)
+    if memory.policy.velocity_m_s is not None:
+        paused = StrategyMemory(np.zeros(3), memory.policy.played_s + dt_s)
     kept = CycleMemory(
         follow=FollowMemory(drift=drift),
         limits=limited.memory,
         height=height,
         yaw_rad=yaw_rad,
         place=place,
-        strategy=paused,
+        policy=paused,
         # Without the comparison that has begun
         speed=SpeedMemory(memory.speed.shown_m_s, memory.speed.share),
     )

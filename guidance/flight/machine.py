@@ -52,7 +52,7 @@ class Flight:
 
     Args:
         settings: Of the flight.
-        ask: Asks the user's policy, if the strategy is one; None flies recorded answers only.
+        ask: Asks the user's policy, if one is flown; None flies recorded answers only.
     """
 
     def __init__(self, settings: FlightSettings, ask: Ask | None = None) -> None:

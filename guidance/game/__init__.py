@@ -17,7 +17,7 @@ Its answer:
 Its play:
     rollout: simulate two policies to the end, as a `Rollout` with its `End`.
     Exact, Paper: stepping of a rollout, exact up to the end or as for the published tables.
-    PURSUER_POLICIES, EVADER_POLICIES: the strategies without memory, by name; each is a `Policy`.
+    PURSUER_POLICIES, EVADER_POLICIES: the policies without memory, by name; each is a `Policy`.
 
 `guidance.game.verification` has gradients of the value, the HJI residual and the paper's angles.
 `guidance.game.team` has several pursuers and several evaders. Positions are arrays (..., 3) in m, of NumPy, PyTorch or

@@ -1,6 +1,6 @@
-"""Strategies without memory by name: the paper's optimum, its baselines, lead pursuit, and standing still.
+"""Policies without memory by name: the paper's optimum, its baselines, lead pursuit, and standing still.
 
-A policy is a function of a game and of arrays (..., 3). Strategies with memory, and courses, are in
+A policy is a function of a game and of arrays (..., 3). Policies with memory, and courses, are in
 `guidance.strategies`. Every baseline moves at full speed, as in section V of the paper.
 """
 # ruff: noqa: ARG001, ARG005 - every policy takes the arguments of `Policy`
@@ -24,7 +24,7 @@ Known: TypeAlias = ArrayLike | None
 
 
 class Policy(Protocol):
-    """A feedback strategy of one player."""
+    """A feedback policy of one player."""
 
     def __call__(
         self,
@@ -76,7 +76,7 @@ def _moving(
 def _goal(xp: Library, game: Game, E: Space, T: Space | None) -> Plane:
     """Return the target's point that is nearest to the evader."""
     if T is None:
-        raise ConfigError("target = None: the strategy 'task_oriented' needs a target")
+        raise ConfigError("target = None: the policy 'task_oriented' needs a target")
     if game.target_extent == POINT:
         return T[:2]
     offset = to_target(xp, game, E, T)
@@ -109,7 +109,7 @@ def _lead(
 ) -> Space:
     """Fly the pursuer to the point of capture of an evader that keeps its velocity."""
     if observed is None:
-        raise ConfigError("evader_velocity_m_s = None: the strategy 'lead_pursuit' needs it")
+        raise ConfigError("evader_velocity_m_s = None: the policy 'lead_pursuit' needs it")
     return lead(xp, game, P, E, observed)[1]
 
 
@@ -147,7 +147,7 @@ PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
         "lead_pursuit": _moving(_lead),
     }
 )
-"""Every strategy of the pursuer without a memory, by name."""
+"""Every policy of the pursuer without a memory, by name."""
 
 EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
     {
@@ -164,7 +164,7 @@ EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
         "hold": _moving(_stay),
     }
 )
-"""Every strategy of the evader without a memory, by name."""
+"""Every policy of the evader without a memory, by name."""
 
 
 def policy_of(name: str, policy: str | Policy, catalogue: Mapping[str, Policy]) -> Policy:

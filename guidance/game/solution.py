@@ -109,7 +109,7 @@ def solve(
     and velocities can be differentiated only if the target is a point.
 
     Returns:
-        Both players' optimal play from here. The strategies are feedback: solve again at every step.
+        Both players' optimal play from here. The policies are feedback: solve again at every step.
 
     Raises:
         ConfigError: an argument is no array (..., 3) of numbers, the shapes do not fit each other, or a single state is

@@ -1,4 +1,4 @@
-"""Check a value: its gradient, the Hamilton-Jacobi-Isaacs residual, and the angles of the paper's strategies.
+"""Check a value: its gradient, the Hamilton-Jacobi-Isaacs residual, and the angles of the paper's policies.
 
 A function of the positions is the value of a game where the residual of eq. (10) of the paper is zero:
 
@@ -28,7 +28,7 @@ class Gradient(NamedTuple):
 
 
 class Angles(NamedTuple):
-    """The angles of the paper's strategies, (...), rad.
+    """The angles of the paper's policies, (...), rad.
 
     Attributes:
         alpha: heading of the evader, from the x axis to the y axis; θ in PE, α in TAD, eq. (44).

@@ -17,7 +17,7 @@ from guidance.errors import ConfigError
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Cylinder, End
 from guidance.game.arrays import FloatArray
 from guidance.game.records import rows_of
-from guidance.league.laws import FRPN, FRPN_LEVEL
+from guidance.league.frpn import FRPN, FRPN_LEVEL
 from guidance.league.play import losses_of
 from guidance.league.sides import Side, with_flown_speeds
 from guidance.league.states import (
@@ -110,7 +110,7 @@ class Contest(NamedTuple):
 
 
 def contest_of(scenario: Scenario, policy: str, side: str, games: int, seed: int) -> Contest:
-    """Return the contest of a policy and the built-in strategies of its side; the policy is loaded and tried.
+    """Return the contest of a policy and the built-in policies of its side; the policy is loaded and tried.
 
     The pursuer has the speed set of the scenario's flight.
 

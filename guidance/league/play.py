@@ -1,6 +1,6 @@
 """Many games of one scenario at once, stepped by the velocities of one side or both: what the environments share.
 
-The players are those of `guidance.sim.maths`: the same game, ends, limits, sensor and strategies. A velocity is held
+The players are those of `guidance.sim.maths`: the same game, ends, limits, sensor and policies. A velocity is held
 for a period. Only the scenario's own players choose anew within it: every `CHOICE_S`, and where something happens, as a
 report arrives, or the height is reached. A step ends exactly where a game ends.
 

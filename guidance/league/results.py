@@ -17,7 +17,7 @@ from guidance.league.contest import (
     scenario_of_game,
     worst_rows,
 )
-from guidance.league.laws import FRPN, FRPN_LEVEL
+from guidance.league.frpn import FRPN, FRPN_LEVEL
 from guidance.screen import print_text_table
 from guidance.sim.scenario import PURSUER
 

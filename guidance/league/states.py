@@ -17,7 +17,7 @@ from guidance.errors import ConfigError
 from guidance.game import Ball, Game, StandOff
 from guidance.game.arrays import NUMPY, FloatArray
 from guidance.game.rollout import NANOSECOND_S, look_ahead
-from guidance.sim.batch import Batch, stack, strategy_of
+from guidance.sim.batch import Batch, policy_for, stack
 from guidance.sim.scenario import EVADER, PURSUER, Scenario
 from guidance.strategies import uniform
 
@@ -173,10 +173,10 @@ def batch_at(template: Batch, states: States) -> Batch:
     )
     if template.pursuer.course is not None:
         speeds = template.game.pursuer
-        batch = batch._replace(pursuer=strategy_of(kind, PURSUER, P, speeds, states.seed))
+        batch = batch._replace(pursuer=policy_for(kind, PURSUER, P, speeds, states.seed))
     if template.evader.course is not None:
         speeds = Ball(template.game.evader_speed_m_s)
-        batch = batch._replace(evader=strategy_of(kind, EVADER, E, speeds, states.seed))
+        batch = batch._replace(evader=policy_for(kind, EVADER, E, speeds, states.seed))
     return batch
 
 

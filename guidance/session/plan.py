@@ -131,7 +131,7 @@ class _Terms:
         source: Section of the pursuer's speeds.
         autopilot: Of the vehicle.
         rules: The game, with the declared speed of the evader and capture on the stand-off disc.
-        strategy: Of the pursuer.
+        policy: Of the pursuer.
         tolerance_m: Distance from the disc that counts as captured.
         target_game_m: The evader's target; None in PE.
         site: Zero of the game frame; None for home.
@@ -150,7 +150,7 @@ class _Terms:
     source: str
     autopilot: Autopilot
     rules: Rules
-    strategy: Strategy
+    policy: Strategy
     tolerance_m: float
     target_game_m: Enu | None
     site: Place | None
@@ -167,9 +167,9 @@ class _Terms:
 
 
 class _ScenarioGame(NamedTuple):
-    """A scenario's part of a flight: strategy, start and target of the game."""
+    """A scenario's part of a flight: policy, start and target of the game."""
 
-    strategy: Strategy
+    policy: Strategy
     start_game_m: Enu
     target_game_m: Enu | None
 
@@ -195,7 +195,7 @@ def _terms(config: Config | None, scenario: "Scenario | None") -> _Terms:
             source="pursuer",
             autopilot=autopilot_named(scenario.pursuer.autopilot),
             rules=rules,
-            strategy=game.strategy,
+            policy=game.policy,
             tolerance_m=scenario.standoff.tolerance_m,
             target_game_m=game.target_game_m,
             site=batch.site(scenario),
@@ -244,7 +244,7 @@ def _by_file(config: Config) -> _Terms:
             target_velocity_m_s=game.target_velocity_m_s,
             target_extent=extent,
         ),
-        strategy=Strategy(game.policy, gain=game.navigation_gain),
+        policy=Strategy(game.policy, gain=game.navigation_gain),
         tolerance_m=game.tolerance_m,
         target_game_m=target_game_m,
         site=site,
@@ -271,7 +271,7 @@ def _by_both(config: Config, scenario: "Scenario") -> _Terms:
     return replace(
         terms,
         rules=rules,
-        strategy=game.strategy,
+        policy=game.policy,
         target_game_m=game.target_game_m,
         site=batch.site(scenario) if "site" in scenario.model_fields_set else None,
         start_game_m=game.start_game_m,
@@ -284,8 +284,8 @@ def _scenario_game(scenario: "Scenario", pursuer: SpeedSet) -> _ScenarioGame:
     x, y, z = scenario.pursuer.position_m
     start_game_m = Enu((x, y, z - scenario.evader.height_m))
     start = np.array(start_game_m)
-    strategy = batch.strategy_of(scenario, "pursuer", start, pursuer, scenario.seed)
-    return _ScenarioGame(strategy, start_game_m, batch.target_game_m(scenario))
+    policy = batch.policy_for(scenario, "pursuer", start, pursuer, scenario.seed)
+    return _ScenarioGame(policy, start_game_m, batch.target_game_m(scenario))
 
 
 def _require_flown(terms: _Terms) -> None:
@@ -315,7 +315,7 @@ def _settings(terms: _Terms, team: TeamPlan | None) -> FlightSettings:
     handling = terms.autopilot.handling
     cycle = CycleSettings(
         game,
-        terms.strategy,
+        terms.policy,
         tolerance_m=terms.tolerance_m,
         envelope=terms.limits.envelope(terms.speed_limits, handling.dynamics, game.standoff),
         handling=handling,

@@ -1,4 +1,4 @@
-"""The game and the strategies of a scenario, and scenarios of one kind as arrays, one row per scenario.
+"""The game and the policies of a scenario, and scenarios of one kind as arrays, one row per scenario.
 
 A number that is equal in all rows stays a single float: faster, and the results have the same bits.
 """
@@ -196,8 +196,8 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
         home_m=np.array([scenario.home_m for scenario in scenarios]),
         limit_s=column(scenarios, "time_limit_s"),
         noise=noise,
-        pursuer=strategy_of(kind, PURSUER, P, rules.pursuer, seed),
-        evader=strategy_of(kind, EVADER, E, evader_speeds, seed),
+        pursuer=policy_for(kind, PURSUER, P, rules.pursuer, seed),
+        evader=policy_for(kind, EVADER, E, evader_speeds, seed),
     )
 
 
@@ -225,10 +225,10 @@ def site(scenario: Scenario) -> tuple[float, float, Amsl]:
     return site.latitude_deg, site.longitude_deg, plane_amsl_m
 
 
-def strategy_of(
+def policy_for(
     scenario: Scenario, name: str, start_m: FloatArray, speeds: SpeedSet, seed: ArrayLike
 ) -> Strategy:
-    """Return the strategy of a player.
+    """Return the policy of a player.
 
     Args:
         scenario: Policy, course and gain.

@@ -12,7 +12,7 @@ from guidance.frames import STILL, Enu, GameFrame, ned_from_game
 from guidance.game import Ball
 from guidance.links.port import VehicleLink
 from guidance.messages import Heartbeat, Home, LocalPosition, Origin, Setpoint
-from guidance.sim.batch import game, site, strategy_of, target_game_m
+from guidance.sim.batch import game, policy_for, site, target_game_m
 from guidance.sim.scenario import EVADER, Scenario
 from guidance.strategies import StrategyMemory, evade
 from guidance.vehicle import VehicleState, local_frame, observe
@@ -28,7 +28,7 @@ class EvaderPilot:
 
     Args:
         link: To the vehicle.
-        scenario: Its game, its strategy and its place.
+        scenario: Its game, its policy and its place.
 
     Attributes:
         ready: Whether it is armed, in GUIDED, and its position is known.
@@ -43,7 +43,7 @@ class EvaderPilot:
         self._target_m = None if target is None else np.array(target)
         start_m = np.array((*scenario.evader.position_m, 0.0))
         speeds = Ball(scenario.evader.speed_m_s)
-        self._strategy = strategy_of(scenario, EVADER, start_m, speeds, scenario.seed)
+        self._policy = policy_for(scenario, EVADER, start_m, speeds, scenario.seed)
         self._began_s = math.inf
         self._seen: tuple[float, FloatArray] = (-math.inf, np.zeros(3))
         self._last_m_s: FloatArray = np.zeros(3)
@@ -102,7 +102,7 @@ class EvaderPilot:
                 seen_m_s = (P - seen_m) / passed_s
             memory = StrategyMemory(seen_m_s, now_s - self._began_s)
             asked_m_s = evade(
-                self._strategy,
+                self._policy,
                 self._game,
                 P,
                 E,

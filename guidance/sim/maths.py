@@ -1,4 +1,4 @@
-"""Scenarios played as mathematics: point masses that fly the velocities of their strategies, one game or a batch.
+"""Scenarios played as mathematics: point masses that fly the velocities of their policies, one game or a batch.
 
 Every game has its own clock. Far from its end, a step is a Runge-Kutta step of fourth order (Kutta, 1901), at most half
 as long as the least time until an end or a change. Elsewhere velocities are held for a cycle, as in a
@@ -44,11 +44,11 @@ from guidance.strategies.own import is_own
 CYCLE_S = 0.02
 """A velocity is held for the cycle of a flight."""
 
-_SMOOTH_STRATEGIES = ("optimal", "pure_pursuit", "lead_pursuit", "hold", *COURSES)
-_SHARES = dict.fromkeys(_SMOOTH_STRATEGIES, 0.8) | {PROPORTIONAL: 0.5}
-"""Length of a step, as a share of the least time until a change, by the pursuer's strategy.
+_SMOOTH_POLICIES = ("optimal", "pure_pursuit", "lead_pursuit", "hold", *COURSES)
+_SHARES = dict.fromkeys(_SMOOTH_POLICIES, 0.8) | {PROPORTIONAL: 0.5}
+"""Length of a step, as a share of the least time until a change, by the pursuer's policy.
 
-These strategies are smooth functions of the state until the pursuer is beside the evader. Others may change abruptly:
+These policies are smooth functions of the state until the pursuer is beside the evader. Others may change abruptly:
 they keep the cycle. Times of capture of tests/bench/bench_sweep.py's games differ from those with cycles of 4 ms by
 11 ms at most, with proportional navigation by 22 ms; held velocities of 20 ms differ by 17 ms.
 """
@@ -432,7 +432,7 @@ def _slope(
 
     Args:
         batch: The games.
-        moment: For the clocks and the memory of the pursuer's strategy.
+        moment: For the clocks and the memory of the pursuer's policy.
         P: Positions of the pursuers, (n, 3).
         E: Positions of the evaders, (n, 3).
         first: Velocities at the begin of the step, kept by players on a course; None at the begin.
@@ -454,7 +454,7 @@ def _slope(
 
 
 def fled(batch: Batch, moment: BatchMoment, P: FloatArray, E: FloatArray) -> FloatArray:
-    """Return the velocities, (n, 3), that the evaders' strategy asks for at positions (n, 3)."""
+    """Return the velocities, (n, 3), that the evaders' policy asks for at positions (n, 3)."""
     memory = _memory(moment)
     return evade(batch.evader, batch.game, P, E, batch.target_m, memory, last_m_s=moment.run_m_s)
 
@@ -462,11 +462,11 @@ def fled(batch: Batch, moment: BatchMoment, P: FloatArray, E: FloatArray) -> Flo
 def chased(
     batch: Batch, moment: BatchMoment, P: FloatArray, E: FloatArray, run_m_s: FloatArray
 ) -> FloatArray:
-    """Return the velocities, (n, 3), that the pursuers' strategy asks for at positions (n, 3).
+    """Return the velocities, (n, 3), that the pursuers' policy asks for at positions (n, 3).
 
     Args:
         batch: The games.
-        moment: For the clocks, the memory of the strategy, and the reports that were received.
+        moment: For the clocks, the memory of the policy, and the reports that were received.
         P: Positions of the pursuers.
         E: Positions of the evaders.
         run_m_s: Velocities of the evaders, (n, 3).
@@ -515,9 +515,9 @@ def _memory(moment: BatchMoment) -> StrategyMemory:
 
 def _changes_s(batch: Batch, moment: BatchMoment) -> Iterator[FloatArray]:
     """Yield the times, (n,), until a course turns and until a report is measured or arrives."""
-    for strategy in (batch.pursuer, batch.evader):
-        if strategy.course is not None:
-            yield strategy.course.corner_s(moment.now_s) - moment.now_s
+    for policy in (batch.pursuer, batch.evader):
+        if policy.course is not None:
+            yield policy.course.corner_s(moment.now_s) - moment.now_s
     if moment.received is not None:
         yield next_event_s(batch.kind.sensor, moment.received) - moment.now_s
 

@@ -68,7 +68,7 @@ _TRACK_NOISE_M: Final = 3.0
 
 
 class Player(Section):
-    """Keys of both players: the strategy, and the course that some strategies follow."""
+    """Keys of both players: the policy, and the course that some policies follow."""
 
     policy: str = Field("optimal", description="the player's strategy")
     speed_m_s: Speed = Field(description="horizontal top speed")
@@ -121,7 +121,7 @@ class Pursuer(Player):
 
     policy: PursuerPolicy = Field(
         "optimal",
-        description="the pursuer's strategy; or module:function or file.py:function, your own code, run as yours",
+        description="the pursuer's policy; or module:function or file.py:function, your own code, run as yours",
     )
     position_m: Point3 = Field(description="start of the game: x east, y north, z up")
     speed_m_s: Speed = Field(description="horizontal speed in the game")
@@ -150,7 +150,7 @@ class Evader(Player):
     """The cooperative evader, a ground vehicle."""
 
     policy: EvaderPolicy = Field(
-        "optimal", description="the evader's strategy; or your own code, as the pursuer's"
+        "optimal", description="the evader's policy; or your own code, as the pursuer's"
     )
     position_m: Point2 = Field(description="start of the game: x east, y north")
     height_m: float = Field(

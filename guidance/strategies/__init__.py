@@ -1,9 +1,9 @@
-"""Strategies of either player by name: the game's policies, navigation laws, and courses.
+"""Policies of either player by name: those of the game, proportional navigation, and courses.
 
 Contents:
     PURSUER_STRATEGIES, EVADER_STRATEGIES: the names. OPTIMAL: the game's own.
-    Strategy: a strategy's name, course and gain; a `StrategyMemory` is passed in and out.
-    pursue, evade: the velocity of a strategy.
+    Strategy: a policy's name, course and gain; a `StrategyMemory` is passed in and out.
+    pursue, evade: the velocity of a policy.
     Course: places and times; `waypoints`, `random_turns`, `circle` and `recorded` make one, and COURSES names them.
     bounded: shortens velocities to a speed.
     uniform, normal: random numbers that depend on a seed and a place in its stream only.

@@ -1,4 +1,4 @@
-"""Strategies of either player by name, with their memory; for a flight's cycle and for a batch."""
+"""Policies of either player by name, with their memory; for a flight's cycle and for a batch."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -20,7 +20,7 @@ EVADER_STRATEGIES: Final = (*EVADER_POLICIES, *COURSES)
 
 @dataclass(frozen=True, slots=True)
 class Strategy:
-    """A player's strategy.
+    """A player's policy.
 
     Attributes:
         name: One of `PURSUER_STRATEGIES` or `EVADER_STRATEGIES`, or a user's policy (`guidance.strategies.own`).

@@ -100,9 +100,9 @@ class Distribution(Section):
             inner, outer = self.radii_m
             if not 0.0 <= inner < outer:
                 return False
-        if self.law is None:
+        if self.distribution is None:
             return True
-        return math.isfinite(self.law.median())
+        return math.isfinite(self.distribution.median())
 
     @property
     def radii_m(self) -> Two | None:
@@ -112,7 +112,7 @@ class Distribution(Section):
         return self.annulus
 
     @cached_property
-    def law(self) -> Any:  # noqa: ANN401 - SciPy has no type for it
+    def distribution(self) -> Any:  # noqa: ANN401 - SciPy has no type for it
         """SciPy's distribution of a number; None if a value is a position or a choice."""
         if self.uniform:
             low, high = self.uniform
@@ -131,8 +131,8 @@ class Distribution(Section):
         if self.choice:
             return self.choice
         if self.normal:
-            return [float(self.law.median())]
-        return [float(end) for end in self.law.support()]
+            return [float(self.distribution.median())]
+        return [float(end) for end in self.distribution.support()]
 
     def draw(self, first: FloatArray, second: FloatArray) -> list[Any]:
         """Make a value for each seed from two random numbers for each, from 0 to 1."""
@@ -149,8 +149,8 @@ class Distribution(Section):
         if self.choice:
             indices = (first * len(self.choice)).astype(int)
             return [self.choice[index] for index in indices.tolist()]
-        draws = self.law.ppf(first)
-        low, high = self.law.support()
+        draws = self.distribution.ppf(first)
+        low, high = self.distribution.support()
         # Rounding can put a draw just outside the support.
         return list(np.clip(draws, low, high).tolist())
 

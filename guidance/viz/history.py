@@ -270,7 +270,7 @@ def _game_rows(history: FlightHistory) -> Iterator[TableRow]:
     last_state = history.rows[-1].state
     yield "outcome", f"{outcome}; ended {last_state}"
     yield "game", "target-attacker-defender" if history.with_target else "pursuit-evasion"
-    yield "policy", cycle.strategy.name
+    yield "policy", cycle.policy.name
     yield "autopilot", history.settings.autopilot.name
     yield "stand-off", standoff
     if history.engaged is None:

@@ -105,7 +105,7 @@ def pure_pursuit(settings: FlightSettings) -> FlightSettings:
     """Use the plain loop with the pure pursuit strategy."""
     settings = plain(settings)
     return settings.model_copy(
-        update={"cycle": replace(settings.cycle, strategy=Strategy("pure_pursuit"))}
+        update={"cycle": replace(settings.cycle, policy=Strategy("pure_pursuit"))}
     )
 
 

@@ -42,7 +42,7 @@ from guidance.flight import Event, Flight, FlightSettings, State
 from guidance.flight.settings import AfterCapture
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.game import solve
-from guidance.league.laws import FRPN_LEVEL
+from guidance.league.frpn import FRPN_LEVEL
 from guidance.links.mavlink.frames import Station
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.port import Wire

@@ -41,7 +41,7 @@ ENVELOPE = Envelope(
 )
 CYCLE = CycleSettings(
     game=Game(Ball(6.0), 3.0, standoff=StandOff(3.0, 5.0)),
-    strategy=Strategy("optimal"),
+    policy=Strategy("optimal"),
     tolerance_m=0.5,
     envelope=ENVELOPE,
     handling=replace(PX4.handling, servo=None),

@@ -30,7 +30,7 @@ def cycle(age_s=0.1, *, settings=CYCLE, played_s=0.0, at=EVADER_NED):
     inputs = CycleInputs(
         0.02, here, measure_walls(here, settings.envelope), evader, GameFrame(Ned((0.0, 0.0, 0.0)))
     )
-    return play(inputs, settings, CycleMemory(strategy=StrategyMemory(None, played_s))).certificate
+    return play(inputs, settings, CycleMemory(policy=StrategyMemory(None, played_s))).certificate
 
 
 def in_game(ned):

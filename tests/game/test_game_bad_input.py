@@ -349,13 +349,13 @@ def test_a_circle_needs_a_ratio_above_one(ratio):
 def test_policies_that_need_a_target_say_so():
     for catalogue in (PURSUER_POLICIES, EVADER_POLICIES):
         with pytest.raises(
-            ConfigError, match="target = None: the strategy 'task_oriented' needs a target"
+            ConfigError, match="target = None: the policy 'task_oriented' needs a target"
         ):
             catalogue["task_oriented"](PAPER, P, E)
 
 
 def test_lead_pursuit_without_the_evaders_velocity_is_refused_and_plays_nothing_else():
-    words = "evader_velocity_m_s = None: the strategy 'lead_pursuit' needs it"
+    words = "evader_velocity_m_s = None: the policy 'lead_pursuit' needs it"
     with pytest.raises(ConfigError, match=words):
         PURSUER_POLICIES["lead_pursuit"](PAPER, P, E, E)
 

@@ -8,7 +8,7 @@ from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.game import End
 from guidance.league.contest import TRIAL, contest_of, play_pair, scenario_of_game, worst_rows
-from guidance.league.laws import FRPN, FRPN_LEVEL, frpn, frpn_level
+from guidance.league.frpn import FRPN, FRPN_LEVEL, frpn, frpn_level
 from guidance.league.states import arena_of, batch_at
 from guidance.sim.batch import stack
 from guidance.sim.maths import opening as opening_of

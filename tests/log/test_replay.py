@@ -117,7 +117,7 @@ def test_another_setting_gives_other_commands_for_the_recorded_motion(flight):
     pursuit = partial(
         recorded_settings, changes={"policy": "pure_pursuit", "pursuer.speed_m_s": 2.0}
     )
-    assert pursuit(metadata_of(flight[1])).cycle.strategy.name == "pure_pursuit"
+    assert pursuit(metadata_of(flight[1])).cycle.policy.name == "pure_pursuit"
     comparison, _ = compare(flight[1], pursuit, what_if=True)
     assert comparison.differing > 100
     assert comparison.wanted.speed_max_m_s > 0.1

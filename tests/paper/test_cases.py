@@ -66,7 +66,7 @@ def test_a_case_matches_by_its_digits_alone():
         "optimal", "pure_evade", published="10.43", stepped="10.43", exact="10.4247", path=()
     )
     assert case.matches
-    assert case.strategies == ("u*", "pure-evade")
+    assert case.policies == ("u*", "pure-evade")
     assert not case.is_optimal
     assert not Case(
         "optimal", "optimal", published="10.43", stepped="10.42", exact="10.42", path=()

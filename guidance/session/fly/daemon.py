@@ -44,7 +44,7 @@ class Equipment:
         record_required: Whether nothing flies without the record.
         sinks: The other outputs of the flight: log, metrics, signs of life, broadcast, another program's messages.
         team: Its part in a team; None if it flies alone.
-        ask: Asks the user's policy; None if another strategy is flown.
+        ask: Asks the user's policy; None if another one is flown.
     """
 
     mailbox: Mailbox = field(default_factory=Mailbox)

@@ -1,4 +1,4 @@
-"""Guidance laws as policies of observations, for comparison in the league; simulation only.
+"""FRPN, a law of proportional navigation, as a policy of observations, for comparison in the league; simulation only.
 
 They have the form of a user's policy: columns of observations and actions are those of `guidance.strategies.own`.
 """
@@ -21,8 +21,8 @@ HELD_S: Final = 0.02
 LEVELLED_M: Final = 0.2
 """Height above or below the goal from which `frpn_level` flies slower than at full vertical speed."""
 
-FRPN: Final = "guidance.league.laws:frpn"
-FRPN_LEVEL: Final = "guidance.league.laws:frpn_level"
+FRPN: Final = "guidance.league.frpn:frpn"
+FRPN_LEVEL: Final = "guidance.league.frpn:frpn_level"
 """The law for a Ball, and for a Cylinder."""
 
 
