@@ -5,7 +5,8 @@
 `guidance run` flies a mock PX4, stepped in real time in its own process, through each link and wire, against an evader
 that runs in circles. The vehicle's side measures the time from each LOCAL_POSITION_NED to the first setpoint after it,
 and the time between setpoints. For comparison the minimal MAVSDK script of `bench_links.py` flies the same vehicle; it
-forwards a constant velocity from a callback. The daemon shifts its 20 ms grid of cycles so that a position is 2 ms old
+forwards a constant velocity from a callback. `zenoh/topics` flies it as a flight mode over PX4's own topics, with
+MAVLink by UDP beside them. The daemon shifts its 20 ms grid of cycles so that a position is 2 ms old
 when a cycle begins; this wait is part of its latency by design. The daemon itself reports the lateness of
 its cycles and the longest processor time. The measuring process gets a higher priority if permitted, so that it adds no
 jitter. `--busy` runs another process that keeps a processor busy; `--flood` sends a flood to the daemon's UDP port (see
@@ -40,6 +41,9 @@ if TYPE_CHECKING:
     from guidance.clock import Timing
 
 LOCAL_POSITION = 32
+REQUEST_ID = 12
+"""Place of its number in an arming check and in the answer."""
+
 PERIOD_S = 0.02
 LATE_S = 0.01
 """A cycle that begins later than this is a late one, whatever is sent meanwhile."""
@@ -51,6 +55,7 @@ CASES = (
     "script/zenoh",
     "mavsdk/zenoh",
     "pymavlink/zenoh",
+    "zenoh/topics",
 )
 FLOODS = {
     "starts": (17, 1, lambda: b"\xfe" * 65_000),
@@ -67,7 +72,7 @@ name = "bench"
 [vehicle]
 autopilot = "px4"
 link = "{link}"
-url = "{url}"
+{urls}
 [evader]
 kind = "global_position"
 url = "udpin://127.0.0.1:{evader_port}"
@@ -92,11 +97,20 @@ class Watch(Stopwatch):
     def restart(self) -> None:
         super().restart()
         self.arrivals: list[float] = []
+        self.answers: list[float] = []
 
     def on_frame(self, data: bytes) -> None:
         if len(data) > 9 and int.from_bytes(data[7:10], "little") == SETPOINT:
             self.arrivals.append(time.perf_counter())
         super().on_frame(data)
+
+    def on_setpoint(self) -> None:
+        """Take a setpoint that is no MAVLink frame."""
+        now_s = time.perf_counter()
+        self.arrivals.append(now_s)
+        if self.asked_s is not None:
+            self.latencies.append(now_s - self.asked_s)
+            self.asked_s = None
 
     def obey(self, order: str) -> None:
         """Restart the measurement on `measure`; print its result on `report`."""
@@ -104,7 +118,8 @@ class Watch(Stopwatch):
             self.restart()
         elif order == "report":
             gaps = [later - earlier for earlier, later in itertools.pairwise(self.arrivals)]
-            print(json.dumps({"latencies": self.latencies, "gaps": gaps}), flush=True)
+            found = {"latencies": self.latencies, "gaps": gaps, "answers": self.answers}
+            print(json.dumps(found), flush=True)
 
 
 def vehicle(wire: str, port: int, evader_port: int) -> None:
@@ -113,7 +128,9 @@ def vehicle(wire: str, port: int, evader_port: int) -> None:
     from sitl_mock import MockVehicle
 
     parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
-    mock = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
+    over_topics = wire == "topics"
+    links = {"onboard": "onboard", **({"topics": "topics"} if over_topics else {})}
+    mock = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, links=links, seed=1)
     battery = mock.autopilot.state.battery
     battery.pack = battery.pack._replace(capacity_mah=LASTING_MAH)
     watch = Watch()
@@ -131,7 +148,8 @@ def vehicle(wire: str, port: int, evader_port: int) -> None:
         orders.append("end")
 
     threading.Thread(target=listen, daemon=True).start()
-    send, close = open_wire(wire, port, on_frame)
+    send, close = open_wire("udp" if over_topics else wire, port, on_frame)
+    topics = Topics(port, watch) if over_topics else None
     beacon = Beacon(evader_port)
     claim()
     print("ready", flush=True)
@@ -139,14 +157,66 @@ def vehicle(wire: str, port: int, evader_port: int) -> None:
     now_s = 0.0
     while (order := orders.popleft() if orders else "") != "end":
         time.sleep(max(0.0, start_s + now_s - time.perf_counter()))
-        for frame in mock.step(now_s, [inbox.popleft() for _ in range(len(inbox))]):
-            if int.from_bytes(frame[7:10], "little") == LOCAL_POSITION:
+        taken = {"onboard": [inbox.popleft() for _ in range(len(inbox))]}
+        if topics is not None:
+            taken["topics"] = topics.receive()
+        out = mock.step_links(now_s, taken)
+        for frame in out["onboard"]:
+            if topics is None and int.from_bytes(frame[7:10], "little") == LOCAL_POSITION:
                 watch.ask()
             send(frame)
+        if topics is not None:
+            topics.send(out["topics"])
         beacon.tell(now_s)
         now_s += 0.01
         watch.obey(order)
     close()
+    if topics is not None:
+        topics.close()
+
+
+class Topics:
+    """PX4's topics of the mock, and the Zenoh router that they go by."""
+
+    def __init__(self, port: int, watch: Watch) -> None:
+        import zenoh
+
+        from sitl_mock.transports.px4_zenoh import LINK, Px4ZenohEndpoint
+        from sitl_mock.transports.zenoh_session import configuration
+
+        at = f"tcp/127.0.0.1:{port}"
+        self.watch = watch
+        self.link = LINK
+        self.router = zenoh.open(configuration("router", at, connect=False))
+        self.asked: dict[int, float] = {}
+        self.check = self.router.declare_subscriber("0/fmu/*/arming_check_$*/**", self.on_check)
+        self.endpoint = Px4ZenohEndpoint({"uav1": 0}, at)
+
+    def on_check(self, sample: object) -> None:
+        now_s = time.perf_counter()
+        number = bytes(sample.payload)[REQUEST_ID]
+        if "/out/" in str(sample.key_expr):
+            self.asked[number] = now_s
+        elif number in self.asked:
+            self.watch.answers.append(now_s - self.asked.pop(number))
+
+    def receive(self) -> list[bytes]:
+        frames = [arrival.data for arrival in self.endpoint.receive()]
+        for frame in frames:
+            if frame.startswith(b"trajectory_setpoint\0"):
+                self.watch.on_setpoint()
+        return frames
+
+    def send(self, frames: Sequence[bytes]) -> None:
+        for frame in frames:
+            if frame.startswith(b"vehicle_local_position\0"):
+                self.watch.ask()
+        self.endpoint.send("uav1", self.link, frames)
+
+    def close(self) -> None:
+        self.endpoint.close()
+        self.check.undeclare()
+        self.router.close()
 
 
 class Beacon:
@@ -236,9 +306,11 @@ def daemon(
     from tests.harness.bus import ask
 
     control_port = free_port(socket.SOCK_STREAM)
-    config = CONFIG.format(
-        link=link, url=url_of(wire, port), evader_port=evader_port, control_port=control_port
-    )
+    urls = f'url = "{url_of(wire, port)}"'
+    if wire == "topics":
+        mavlink = url_of("udp", port)
+        urls = f'url = "zenoh+tcp://127.0.0.1:{port}"\nparameters = "{mavlink}"'
+    config = CONFIG.format(link=link, urls=urls, evader_port=evader_port, control_port=control_port)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.toml"
         path.write_text(config + more)
@@ -384,6 +456,7 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
         flying.stdin.close()
         cycles = cycles_of(timed, began_s, ended_s) if timed.exists() else []
     latencies = sorted(measured["latencies"])
+    answers = sorted(measured.get("answers", []))
     gaps = measured["gaps"]
     jitter = sorted(abs(gap - PERIOD_S) for gap in gaps)
     return {
@@ -398,6 +471,9 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
         "jitter_most_ms": 1e3 * jitter[-1],
         "rate_hz": len(gaps) / sum(gaps),
         "flooded_hz": flooded_hz,
+        "answers": float(len(answers)),
+        "answer_p50_ms": 1e3 * median(answers) if answers else math.nan,
+        "answer_most_ms": 1e3 * answers[-1] if answers else math.nan,
         "cpu_percent": share,
         "memory_mb": resident_mb,
         "load": os.getloadavg()[0],
@@ -449,6 +525,11 @@ def compare(cases: tuple[str, ...], seconds: float, flooded: str | None) -> None
         print(f"{case:16} {took} | {jitter} | {used}", flush=True)
         if got["late_most_ms"] >= 0.0:
             print(f"{'':16} {told(got)}")
+        if got["answers"]:
+            answered = (
+                f"median {got['answer_p50_ms']:.1f} ms, latest {got['answer_most_ms']:.1f} ms"
+            )
+            print(f"{'':16} {got['answers']:.0f} arming checks answered: {answered}")
         if flooded is not None:
             print(f"{'':16} flooded with {got['flooded_hz']:.0f} datagrams a second", flush=True)
         ratios = f"{got['p50_ms'] / first['p50_ms']:.2f} (p50), {got['p99_ms'] / first['p99_ms']:.2f} (p99)"

@@ -205,7 +205,7 @@ class Px4Link:
             )
             for topic, name in TO_PX4.items()
         }
-        self._outbox = queue.Queue[_Departing | None](_OUTBOX_LENGTH)
+        self._outbox = queue.SimpleQueue[_Departing | None]()
         self._sender = threading.Thread(target=self._send_waiting, name="to PX4")
         self._sender.start()
         self._ends: list[Callable[[], object]] = []
@@ -219,7 +219,8 @@ class Px4Link:
                 self._newest[topic] = newest
                 self._ends.append(newest.undeclare)
             else:
-                hear = partial(self._hear, topic)
+                # Not by a thread of its own for every topic, which an answer would have to wait for
+                hear = zenoh.handlers.Callback(partial(self._hear, topic), indirect=False)
                 heard = session.declare_subscriber(keys, hear, allowed_origin=remote)
                 self._ends.append(heard.undeclare)
 
@@ -254,9 +255,9 @@ class Px4Link:
     def _send(self, topic: str, data: bytes, until_s: float = math.inf) -> None:
         if self._closed:
             return
-        try:
-            self._outbox.put_nowait(_Departing(topic, data, until_s))
-        except queue.Full:
+        if self._outbox.qsize() < _OUTBOX_LENGTH:
+            self._outbox.put(_Departing(topic, data, until_s))
+        else:
             self.counts["unsent"] += 1
 
     def _send_waiting(self) -> None:
@@ -429,8 +430,7 @@ class Px4Link:
             return
         self._send_all(self.mode.farewell())
         self._closed = True
-        with contextlib.suppress(queue.Full):
-            self._outbox.put_nowait(None)
+        self._outbox.put(None)
         self._sender.join(_ROUTER_S)
         self._over.set()
         self._arrivals.close()
