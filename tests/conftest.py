@@ -57,6 +57,7 @@ def pytest_collection():
         gc.enable()
 
 
+@pytest.hookimpl(optionalhook=True)  # mutants are judged without pytest-xdist
 def pytest_xdist_auto_num_workers():
     """Return a worker for each core, and more on a busy machine, where they get a larger share of it.
 
