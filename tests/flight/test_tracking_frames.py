@@ -10,13 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.autopilots import PX4
-from guidance.flight import Event, Flight, Inputs, State
-from guidance.flight.tracking import Tracking
+from guidance.flight import Flight, Inputs, State
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import (
     EvaderReport,
     GlobalPosition,
-    Heartbeat,
     Home,
     LocalPosition,
     Odometry,
@@ -25,7 +23,7 @@ from guidance.messages import (
 from guidance.vehicle import VehicleState, observe
 from tests.flight.flown import CYCLE_S, Flown, outcome_of
 from tests.flight.recorded import messages
-from tests.flight.scenes import BOTH, HOME_DOWN_M, SETTINGS, settings_of
+from tests.flight.scenes import BOTH, HOME_DOWN_M, settings_of
 from tests.harness.examples import drawn
 
 ZERO = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=PX4.projection)
@@ -265,45 +263,3 @@ def test_a_home_that_wanders_in_flight_changes_nothing_at_all(wanders):
             )
             assert restless.cycle(more=more) == still.cycle()
     assert restless.outcomes == still.outcomes
-
-
-@pytest.mark.parametrize("armed", [False, True])
-def test_until_a_flight_is_accepted_home_follows_and_from_then_on_it_stays(armed):
-    def home_at(at_s, north_m):
-        return Home(at_s, 47.397742, 8.545594, 488.0, Ned((north_m, 0.0, 0.0)))
-
-    def north_m(state):
-        return state.latest.get(Home).position_ned_m.north
-
-    beats = [Heartbeat(at_s, 0, armed, 4, 12) for at_s in (1.0, 2.0)]
-    before = observe(VehicleState(), [home_at(0.5, 70.0), *beats, home_at(2.5, 71.0)])
-    assert north_m(before) == 71.0
-    accepted = before._replace(home_fixed=True)
-    after = observe(
-        accepted, [home_at(3.0, 0.0), Heartbeat(3.5, 0, True, 4, 12), home_at(4.0, 9.0)]
-    )
-    assert north_m(after) == 71.0
-    assert after.home_refused == home_at(4.0, 9.0)
-
-
-def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():
-    """Its one counted reset came in the climb: engaged there, it pauses and goes on."""
-    flown = engaged()
-    outputs = [
-        flown.cycle(more=[Odometry(flown.now_s, 11)]),
-        flown.cycle(more=[Odometry(flown.now_s, 12)]),
-    ]
-    outputs += flown.cycles(1.5)
-    assert [h.event for output in outputs for h in output.transitions] == [
-        Event.ESTIMATOR_RESET,
-        Event.CLEAR,
-    ]
-
-
-def test_without_a_global_position_what_is_told_is_believed():
-    tracking = Tracking(SETTINGS)
-    home = Home(0.0, 47.397742, 8.545594, 488.0, Ned((0.0, 0.0, 0.0)))
-    tracking.observe(observe(VehicleState(), [home, told(ZERO, 0.0)]), [])
-    other = moved_zero_of((50.0, 0.0, 0.0))
-    tracking.observe(observe(VehicleState(), [home, told(other, 1.0)]), [])
-    assert tracking.local_frame == other
