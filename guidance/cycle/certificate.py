@@ -232,14 +232,15 @@ def certify(
     circling = circling.after(players.evader_m_s, time_s + allowance_s, dt_s)
     course = ChosenCourse.SOLUTION
     velocity_m_s = optimal_m_s
-    share = circling.share(game, vehicle)
-    if share > 0.0:
-        course = ChosenCourse.CUTTING
-        meeting_m_s = meeting_velocity(game, players, vehicle, circling, optimal_m_s)
-        velocity_m_s = optimal_m_s + share * (meeting_m_s - optimal_m_s)
-    certificate = certificate._replace(
-        time_needed_s=time_s + circling.detour_s(game, vehicle), allowance=allowance_s
-    )
+    if circling.sharpness(game, vehicle) > 0.0:
+        # The evader turns faster than the vehicle can follow: cut its circle, and allow for the time that this costs.
+        time_s += circling.detour_s(game, vehicle)
+        share = circling.share(game, vehicle)
+        if share > 0.0:
+            course = ChosenCourse.CUTTING
+            meeting_m_s = meeting_velocity(game, players, vehicle, circling, optimal_m_s)
+            velocity_m_s = optimal_m_s + share * (meeting_m_s - optimal_m_s)
+    certificate = certificate._replace(time_needed_s=time_s, allowance=allowance_s)
     return Certified(solution, course, velocity_m_s, certificate, circling)
 
 

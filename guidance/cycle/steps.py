@@ -214,7 +214,7 @@ def game_played(
     game = settings.game.against(evader_speed_m_s, age_s, reached_m_s)
     too_old = age_s > guaranteed_age_s(game)
     if settings.target_game_m is not None:
-        # With age the value can be beaten in TAD. Of the laws that tests/bench/bench_game_age.py sets against a worst
+        # With age the value can be beaten in TAD. Of the games that tests/bench/bench_game_age.py sets against a worst
         # evader, this one loses least: a pursuer that keeps to the disc about an old place lets the evader out of it.
         game = game.within_spread()
     elif too_old:
@@ -338,10 +338,10 @@ def _follow(
     settings: CycleSettings,
     memory: CycleMemory,
 ) -> UnlimitedCommand:
-    """Step 4: make the vehicle follow the strategy's velocity, and compare it with the one flown.
+    """Step 4: make the vehicle follow the policy's velocity, and compare it with the one flown.
 
     Args:
-        aim: The strategy's velocity.
+        aim: The policy's velocity.
         gaps: Distances to the evader's disc.
         evader_speed_m_s: Bound of the evader's speed.
         inputs: Of the cycle.

@@ -32,7 +32,7 @@ from guidance.game.tad import guard_time
 
 
 class StrategyMemory(NamedTuple):
-    """A strategy's last command (..., 3), None at the start, and the time since its start (...).
+    """A policy's last command (..., 3), None at the start, and the time since its start (...).
 
     `turning_rad_s` is the mean rate of turn since the last command, (..., 3), where a simulation knows it; only
     proportional navigation uses it.

@@ -85,7 +85,7 @@ class PolicyError(Exception):
 
 
 def is_own(name: str) -> bool:
-    """Return whether a strategy's name has the form of a user's policy."""
+    """Return whether a policy's name has the form of a user's policy."""
     return name in _LOADED or _FORM.fullmatch(name) is not None
 
 
