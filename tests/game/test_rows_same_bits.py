@@ -23,14 +23,8 @@ from guidance.game import (
 )
 from guidance.game import solution as solving
 from guidance.game.verification import value_gradient
+from tests.game.bits import same
 from tests.harness.examples import drawn
-
-
-def same(a, b):
-    """Equal to the bit, NaN and the sign of zero included."""
-    a = np.asarray(a)
-    b = np.asarray(b)
-    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
 def assert_rows_equal_singles(answer, singles):

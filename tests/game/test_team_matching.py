@@ -10,29 +10,13 @@ from hypothesis import strategies as st
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
 from guidance.game.team import match_teams, solve_team
+from tests.game.bits import same, teams
 from tests.harness.examples import drawn
 
 PAPER = Game(Ball(2.0), 1.0)
 T = np.zeros(3)
 seeds = st.integers(0, 2**32 - 1)
 counts = st.integers(1, 4)
-
-
-def states(seed, n, m, count=None):
-    """Positions of pursuers and evaders such that some pursuers beat some evaders of a target at zero."""
-    rng = np.random.default_rng(seed)
-    shape = () if count is None else (count,)
-    P = rng.uniform(-25.0, 25.0, (*shape, n, 3))
-    P[..., 2] = np.abs(P[..., 2])
-    E = rng.uniform(-18.0, 18.0, (*shape, m, 3))
-    E[..., 2] = 0.0
-    return P, E
-
-
-def same(a, b):
-    a = np.asarray(a)
-    b = np.asarray(b)
-    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
 def all_matchings(n, m):
@@ -46,7 +30,7 @@ def all_matchings(n, m):
 @settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds, n=counts, m=st.integers(1, 3))
 def test_no_matching_guarantees_more_captures_or_as_many_with_a_larger_sum(seed, n, m):
-    P, E = states(seed, n, m)
+    P, E = teams(seed, n, m)
     matching = match_teams(PAPER, P, E, T)
     value = solve(PAPER, P[:, None], E[None], T)
     beats = value.winner > 0
@@ -67,7 +51,7 @@ def test_no_matching_guarantees_more_captures_or_as_many_with_a_larger_sum(seed,
 @settings(max_examples=drawn(40), deadline=None)
 @given(seed=seeds, n=st.integers(2, 5), m=st.integers(1, 3))
 def test_no_other_second_pursuers_add_more(seed, n, m):
-    P, E = states(seed, n, m)
+    P, E = teams(seed, n, m)
     matching = match_teams(PAPER, P, E, T)
     spare = sorted(set(range(n)) - set(matching.first.tolist()))
     matched = np.flatnonzero(matching.first >= 0)
@@ -92,7 +76,7 @@ def test_no_other_second_pursuers_add_more(seed, n, m):
 @settings(max_examples=drawn(25), deadline=None)
 @given(seed=seeds, n=st.integers(1, 4), m=counts)
 def test_everybody_plays_the_game_of_its_team(seed, n, m):
-    P, E = states(seed, n, m)
+    P, E = teams(seed, n, m)
     matching = match_teams(PAPER, P, E, T)
     for j in range(m):
         if matching.first[j] < 0:
@@ -120,7 +104,7 @@ def test_everybody_plays_the_game_of_its_team(seed, n, m):
 
 
 def test_one_against_one_is_the_game_of_one_to_the_bit():
-    P, E = states(1, 1, 1, 200)
+    P, E = teams(1, 1, 1, 200)
     for target in (T, None):
         matching = match_teams(PAPER, P, E, target)
         single = solve(PAPER, P[:, 0], E[:, 0], target)
@@ -136,7 +120,7 @@ def test_one_against_one_is_the_game_of_one_to_the_bit():
 @settings(max_examples=drawn(25), deadline=None)
 @given(seed=seeds, n=counts, m=counts)
 def test_pe_assigns_as_many_as_can_be_with_the_least_sum_of_times(seed, n, m):
-    P, E = states(seed, n, m)
+    P, E = teams(seed, n, m)
     matching = match_teams(PAPER, P, E)
     time = solve(PAPER, P[:, None], E[None]).value
     best = min(
@@ -166,7 +150,7 @@ def test_pe_assigns_as_many_as_can_be_with_the_least_sum_of_times(seed, n, m):
 @settings(max_examples=drawn(25), deadline=None)
 @given(seed=seeds, n=counts, m=counts, tad=st.booleans())
 def test_the_order_of_the_players_changes_nothing(seed, n, m, tad):
-    P, E = states(seed, n, m)
+    P, E = teams(seed, n, m)
     rng = np.random.default_rng(seed)
     p = rng.permutation(n)
     e = rng.permutation(m)
@@ -197,7 +181,7 @@ def test_the_order_of_the_players_changes_nothing(seed, n, m, tad):
 @settings(max_examples=drawn(10), deadline=None)
 @given(seed=seeds, n=counts, m=counts, tad=st.booleans())
 def test_a_batch_is_its_singles(seed, n, m, tad):
-    P, E = states(seed, n, m, 6)
+    P, E = teams(seed, n, m, 6)
     rng = np.random.default_rng(seed)
     game = Game(
         Ball(rng.uniform(1.5, 4.0, (n, 1))),
@@ -223,7 +207,7 @@ def test_a_batch_is_its_singles(seed, n, m, tad):
 
 
 def test_leading_axes_broadcast():
-    P, E = states(2, 3, 2, 4)
+    P, E = teams(2, 3, 2, 4)
     crossed = match_teams(PAPER, P[:, None], E[None, :3], T)
     assert crossed.first.shape == (4, 3, 2)
     assert crossed.beats.shape == (4, 3, 3, 2)
@@ -234,7 +218,7 @@ def test_leading_axes_broadcast():
 
 
 def test_who_is_out_of_play_is_left_alone():
-    P, E = states(3, 2, 3)
+    P, E = teams(3, 2, 3)
     for target in (T, None):
         matching = match_teams(PAPER, P, E, target, in_play=[True, False, True])
         without = match_teams(PAPER, P, E[[0, 2]], target)
@@ -321,7 +305,7 @@ def test_hysteresis_keeps_a_pair_that_is_nearly_as_good():
 @pytest.mark.parametrize("hysteresis", [0.0, 1e6])
 def test_every_team_that_still_wins_is_kept_or_improved(tad, hysteresis):
     rng = np.random.default_rng(4)
-    P, E = states(4, 4, 3, 100)
+    P, E = teams(4, 4, 3, 100)
     goal = T if tad else None
     before = match_teams(PAPER, P, E + rng.normal(0.0, 4.0, E.shape) * [1, 1, 0], goal)
     repeated = match_teams(PAPER, P, E, goal, previous=before, hysteresis=hysteresis)
@@ -425,7 +409,7 @@ def test_pursuers_in_the_evaders_plane_stand_still_once_nobody_is_left():
 
 
 def test_every_game_of_a_batch_may_have_speeds_of_its_own():
-    P, E = states(9, 3, 2, 4)
+    P, E = teams(9, 3, 2, 4)
     u = np.linspace(1.5, 3.0, 12).reshape(4, 3, 1)
     v = np.linspace(0.6, 1.0, 8).reshape(4, 1, 2)
     matching = match_teams(Game(Ball(u), v), P, E, T)
@@ -448,7 +432,7 @@ def test_as_many_are_sure_in_games_of_any_size(size):
 
 
 def test_rows_without_an_answer_are_nan_and_say_why():
-    P, E = states(5, 2, 2, 3)
+    P, E = teams(5, 2, 2, 3)
     P[1, 0, 0] = np.nan
     for target in (T, None):
         matching = match_teams(PAPER, P, E, target)
@@ -500,7 +484,7 @@ def test_rows_without_an_answer_are_nan_and_say_why():
     ],
 )
 def test_bad_arguments_are_refused_by_their_names(changed, said):
-    P, E = states(0, 2, 2)
+    P, E = teams(0, 2, 2)
     given = {"game": PAPER, "pursuers": P, "evaders": E, "target": T} | changed
     with pytest.raises(ConfigError, match=said):
         match_teams(**given)

@@ -11,21 +11,12 @@ from guidance.errors import ConfigError
 from guidance.game import Ball, End, Exact, Game, StandOff, solve
 from guidance.game import rollout as rolled_out
 from guidance.game.team import match_teams, rollout, rollout_teams, solve_team
+from tests.game.bits import teams
 from tests.harness.examples import drawn
 
 PAPER = Game(Ball(2.0), 1.0)
 T = np.zeros(3)
 seeds = st.integers(0, 2**32 - 1)
-
-
-def states(seed, n, m, count=None):
-    rng = np.random.default_rng(seed)
-    shape = () if count is None else (count,)
-    P = rng.uniform(-25.0, 25.0, (*shape, n, 3))
-    E = rng.uniform(-18.0, 18.0, (*shape, m, 3))
-    P[..., 2] = np.abs(P[..., 2])
-    E[..., 2] = 0.0
-    return P, E
 
 
 def weaving(seed, every_s=0.4):
@@ -54,7 +45,7 @@ def weaving(seed, every_s=0.4):
 @pytest.mark.parametrize("evaders", ["optimal", "pure_evade", "weaving"])
 def test_captures_done_and_guaranteed_never_fall_in_play(evaders, seed, n, m):
     """Catches a guaranteed capture that is lost between two steps and won again by the end."""
-    P, E = states(seed, n, m, 12)
+    P, E = teams(seed, n, m, 12)
     policy = weaving(seed) if evaders == "weaving" else evaders
     result = rollout_teams(
         PAPER, P, E, T, evader_policy=policy, step_s=0.1, duration_s=20.0, keep_path=True
@@ -82,7 +73,7 @@ def test_captures_done_and_guaranteed_never_fall_in_play(evaders, seed, n, m):
 @settings(max_examples=drawn(3), deadline=None)
 @given(seed=seeds, n=st.integers(1, 3))
 def test_optimal_teams_take_the_value(seed, n):
-    P, E = states(seed, n, 1, 10)
+    P, E = teams(seed, n, 1, 10)
     value = solve_team(PAPER, P, E[:, 0], T)
     result = rollout_teams(PAPER, P, E, T, step_s=0.5)
     won = value.winner > 0
@@ -98,7 +89,7 @@ def test_optimal_teams_take_the_value(seed, n):
 @given(seed=seeds)
 def test_pe_ends_between_its_bounds(seed):
     """Catches a bound of the chase by teams that play does not keep."""
-    P, E = states(seed, 3, 2, 6)
+    P, E = teams(seed, 3, 2, 6)
     result = rollout_teams(PAPER, P, E, step_s=0.2)
     assert (result.end == End.CAPTURED).all()
     assert np.isnan(result.distance_m).all()
@@ -145,7 +136,7 @@ def test_hysteresis_ends_the_dithering_between_two_matchings_and_costs_no_captur
 
 def test_a_batch_is_its_singles():
     """Catches a game of teams that is changed by the game beside it."""
-    P, E = states(6, 3, 2, 3)
+    P, E = teams(6, 3, 2, 3)
     game = Game(
         Ball(np.array([[2.0], [2.5], [3.0]])), np.array([1.0, 0.8]), standoff=StandOff(0.0, 1.0)
     )
@@ -235,7 +226,7 @@ def test_pursuers_with_a_policy_play_it_against_those_they_are_matched_with():
 
 
 def test_time_is_up_exactly_when_it_is():
-    P, E = states(1, 1, 1)
+    P, E = teams(1, 1, 1)
     result = rollout_teams(
         PAPER, P, E, pursuer_policy="hold", evader_policy="hold", duration_s=1.03, keep_path=True
     )
@@ -289,7 +280,7 @@ def test_an_evader_is_as_far_from_its_target_as_it_is_wherever_that_lies():
 
 
 def test_a_row_without_an_answer_ends_at_once():
-    P, E = states(2, 2, 2, 3)
+    P, E = teams(2, 2, 2, 3)
     P[1, 0, 0] = np.nan
     result = rollout_teams(PAPER, P, E, T, step_s=0.2)
     assert result.end[1].tolist() == [End.NO_ANSWER] * 2
@@ -310,13 +301,13 @@ def test_a_row_without_an_answer_ends_at_once():
     ],
 )
 def test_bad_arguments_are_refused_by_their_names(changed, words):
-    P, E = states(0, 2, 2)
+    P, E = teams(0, 2, 2)
     with pytest.raises(ConfigError, match=words):
         rollout_teams(PAPER, P, E, T, **changed)
 
 
 def test_the_matching_at_the_beginning_is_told():
-    P, E = states(7, 2, 2)
+    P, E = teams(7, 2, 2)
     matching = rollout_teams(PAPER, P, E, T, step_s=0.2).first
     expected = match_teams(PAPER, P, E, T)
     assert all(

@@ -9,6 +9,7 @@ from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve, solve_state
 from guidance.game.team import solve_team
 from guidance.game.team.regions import regions_of, survived
+from tests.game.bits import same
 from tests.harness.examples import drawn
 
 PAPER = Game(Ball(2.0), 1.0)
@@ -36,12 +37,6 @@ def unequal(seed, n):
 def pursuer_of(game, i):
     u = np.ravel(game.pursuer.speed_m_s)
     return Game(Ball(float(u[i % len(u)])), game.evader_speed_m_s, standoff=game.standoff)
-
-
-def same(a, b):
-    a = np.asarray(a)
-    b = np.asarray(b)
-    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
 def survival(oracle, game, P, E, n):
