@@ -5,8 +5,10 @@ import math
 import socket
 import threading
 import time
+from contextlib import closing
 
 import pytest
+import zenoh
 
 from guidance.autopilots import PX4, Mode
 from guidance.errors import ConfigError, LinkError
@@ -34,7 +36,7 @@ from guidance.messages import (
 )
 from tests.links.peer import until
 from tests.links.px4.peer import HOLD, PURSUIT, Px4Peer, beating, encoded
-from tests.links.rigs import free_port
+from tests.links.rigs import Router, free_port, router_config
 
 _domains = itertools.count(1)
 FLY = Setpoint(Ned((1.5, -2.25, 0.5)), yaw_rad=0.75)
@@ -412,6 +414,29 @@ def test_where_no_router_runs_the_link_is_one():
             credentials=NO_CREDENTIALS,
             timeout_s=0.2,
         )
+
+
+def test_after_a_router_restarts_px4_is_heard_and_answered_again():
+    """Catches a link that needs a restart of its own, while PX4 itself comes back a second after its router."""
+    port = free_port(socket.SOCK_STREAM)
+    with (
+        zenoh.open(router_config(port)) as session,
+        closing(Px4Peer(session)) as peer,
+        beating(peer),
+    ):
+        link = opened(Router(port, session), peer)
+    with (
+        closing(link),
+        zenoh.open(router_config(port)) as session,
+        closing(Px4Peer(session)) as peer,
+    ):
+        before_us = link.mode.status.timestamp
+        link.tell(Readiness(math.inf))
+        with beating(peer):
+            assert until(lambda: link.mode.status.timestamp != before_us, timeout_s=20.0)
+        peer.ask()
+        assert until(lambda: bool(peer.of("arming_check_reply")))
+        assert link.mode.registration == (PURSUIT, 0, 1)
 
 
 def test_a_setpoint_that_waited_too_long_is_not_sent(router, peer):
