@@ -41,7 +41,8 @@ def read(topic: str, body: bytes) -> Any:  # noqa: ANN401
 def send(topic: str, **fields: object) -> None:
     message = read(topic, bytes(1000))  # all 0
     vars(message).update(fields)
-    session.put(key("in", topic), bytes(types.serialize_cdr(message, type_of(topic))))
+    payload = bytes(types.serialize_cdr(message, type_of(topic)))
+    session.put(key("in", topic), payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
 def hear(sample: zenoh.Sample) -> None:

@@ -33,6 +33,7 @@ _GRID_US: Final = 10_000
 _COMMAND_LONG: Final = 76
 _V1 = 0xFE
 _V2 = 0xFD
+_MARKS: Final = (bytes((_V1,)), bytes((_V2,)))
 
 
 class _Step(NamedTuple):
@@ -85,7 +86,8 @@ class Lockstep:
                 continue
             for arrival in endpoint.receive():
                 vehicle = self._vehicles[arrival.vehicle]
-                vehicle.heard = True
+                # A program over PX4's topics is no client that could ask for a step.
+                vehicle.heard |= arrival.data[:1] in _MARKS
                 faulted = vehicle.faulted
                 for frame in frames_of(arrival.data):
                     step = _step(frame, faulted.vehicle.system_id)

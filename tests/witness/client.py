@@ -119,10 +119,12 @@ class Client:
             message = self.link.recv_match(blocking=True, timeout=min(left_s, 0.2))
             if message is None or message.get_type() == "BAD_DATA":
                 continue
-            if (message.get_srcSystem(), message.get_srcComponent()) == (
-                self.system,
-                self.component,
-            ):
+            sender = (message.get_srcSystem(), message.get_srcComponent())
+            if message.get_type().startswith("UNKNOWN_"):
+                sender = tuple(
+                    message.data[5:7]
+                )  # pymavlink reads no sender of a message that it does not know
+            if sender == (self.system, self.component):
                 return message
         return None
 

@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable
 
+from sitl_mock.px4.events import event_id
 from sitl_mock.px4.messages import message_type
 from tests.witness.client import Client, result_name
 from tests.witness.topics import NAN, Topics
@@ -19,6 +20,26 @@ FIRST = 23
 STATES = {HOLD: "Hold", RTL: "Return", TAKEOFF: "Takeoff", LAND: "Land"}
 RATES = (1, 2, 8, 20, 50, 100, 125, 250)
 OWN_MODE = 4 << 16 | 11 << 24
+REASONS = (
+    "check_system_arm_auth_failed",
+    "check_gf_violation_custom_gf",
+    "check_modes_mission",
+    "check_modes_local_pos",
+    "check_modes_home_position",
+)
+"""Names of PX4's events, as many as an answer can have."""
+TOLD = {
+    event_id(name): name
+    for name in (
+        *REASONS,
+        "check_external_modes_unresponsive",
+        "commander_failsafe_enter_generic",
+        "commander_mode_fallback_internal",
+    )
+}
+"""Events about a mode's reasons, and about what follows."""
+WARNING = 4
+"""Log level of an event."""
 EXECUTOR = {"topic": "vehicle_command_mode_executor", "source_component": 1001}
 
 
@@ -205,6 +226,49 @@ def requirement(_client: Client, topics: Topics) -> str:
     answers = {"can_arm_and_run": True, "mode_req_manual_control": True}
     with topics.flying("Witness", enters=False, answers=answers) as reply:
         return results(topics.choose(reply.mode_id))
+
+
+def events(client: Client, mode_id: int, seconds: float) -> str:
+    """Return in words the events about a mode that the station is told within some seconds."""
+    told = {}
+    for message in client.gather("UNKNOWN_410", seconds):  # EVENT, which pymavlink does not know
+        payload = bytes(message.data)[10:].ljust(60, b"\0")
+        number = int.from_bytes(payload[:4], "little")
+        if number in TOLD and payload[12] & 0xF <= WARNING:
+            modes = int.from_bytes(payload[13:17], "little")
+            own = " own mode" if modes == 1 << mode_id else ""
+            told[f"{TOLD[number]} {payload[12]:02x}{own}"] = None
+    return ", ".join(sorted(told)) or "none"
+
+
+@topic_case(
+    "EVENT of a check that says no for five reasons, then yes, then is silent, on the ground"
+)
+def reasons_on_the_ground(client: Client, topics: Topics) -> str:
+    flat = []
+    for name in REASONS:
+        flat += [0, event_id(name), 0, *[0] * 25, 0x33]
+    refused = {"can_arm_and_run": False, "num_events": len(REASONS), "events": flat}
+    seen = []
+    with topics.registered("Witness") as reply:
+        topics.choose(reply.mode_id)
+        client.gather("HEARTBEAT", 3.0)
+        for answers in (refused, {"can_arm_and_run": True}, None):
+            if answers is None:
+                topics.checks.clear()
+            else:
+                topics.checks[reply.arming_check_id] = answers
+            seen.append(events(client, reply.mode_id, 5.0))
+        topics.choose(HOLD)
+    return "; ".join(seen)
+
+
+@topic_case("EVENT when a program falls silent in flight")
+def reasons_in_flight(client: Client, topics: Topics) -> str:
+    with topics.flying("Witness") as reply:
+        client.drain()
+        topics.checks.clear()
+        return events(client, reply.mode_id, 5.0)
 
 
 @topic_case("velocity of 5 m/s in the mode for 8 s; before the first setpoint; after the last one")

@@ -50,7 +50,11 @@ class Topics:
         """What each arming check answers, by its number; a check that is not here is silent."""
         self._requests: queue.Queue[Any] = queue.Queue()
         self._publishers = {
-            topic: self._session.declare_publisher(key_of(0, "in", topic, message))
+            topic: self._session.declare_publisher(
+                key_of(0, "in", topic, message),
+                # Once a router's queue to PX4 was full, it drops for ever what may be dropped
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
             for topic, message in SUBSCRIBED.items()
         }
         self._answering = threading.Thread(target=self._answer, daemon=True)

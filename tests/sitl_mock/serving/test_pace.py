@@ -15,10 +15,13 @@ from sitl_mock.cli import app
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import Faulted, FaultScript
 from sitl_mock.mavlink import Decoder, Encoder
+from sitl_mock.px4.messages import message_type
+from sitl_mock.px4.topic_link import PUBLISHED, SUBSCRIBED, frame_of, sample_of
 from sitl_mock.serving.serve import Pace
 from sitl_mock.transports import Arrival
 from sitl_mock.transports.lockstep import STEP, Lockstep, frames_of
 from sitl_mock.transports.loop import Loop
+from sitl_mock.vehicle.link import TOPICS
 from tests.harness.stepper import Stepper, long, take_off
 
 ACCEPTED = 0
@@ -54,10 +57,10 @@ class Wire:
 class Client:
     """A client of a fleet in lockstep: it sends frames, and reads what came until the answer."""
 
-    def __init__(self, *names):
+    def __init__(self, *names, **more):
         vehicles = {
             name: Faulted(
-                MockVehicle("px4", ready_after_s=0.5, system_id=number), name, FaultScript()
+                MockVehicle("px4", ready_after_s=0.5, system_id=number, **more), name, FaultScript()
             )
             for number, name in enumerate(names, start=1)
         }
@@ -108,6 +111,53 @@ def test_a_step_advances_by_its_length_and_is_answered_last():
     assert (messages[-1].target_system, messages[-1].target_component) == (255, 190)
     assert boot_ms(messages)[-1] == pytest.approx(500, abs=1)
     assert boot_ms(client.step(0.25))[-1] == pytest.approx(750, abs=1)
+
+
+class TestTopics:
+    """PX4's topics beside MAVLink."""
+
+    @pytest.fixture
+    def client(self):
+        return Client("uav1", links={"onboard": "onboard", "topics": TOPICS})
+
+    def sent(self, client, topic):
+        kind = message_type(PUBLISHED[topic])
+        samples = [sample_of(frame) for _, frame in client.wire.sent]
+        return [kind.read(payload) for name, payload in samples if name == topic]
+
+    def take(self, client, topic, **values):
+        kind = message_type(SUBSCRIBED[topic])
+        data = frame_of(topic, kind.encoded(**values)[: 4 + kind.size])
+        client.wire.arrivals.append(Arrival("uav1", "topics", data))
+        client.lockstep.cycle()
+
+    def test_a_step_sends_the_samples_of_its_time(self, client):
+        client.step(0.5)
+        stamps_us = [one.timestamp for one in self.sent(client, "vehicle_local_position")]
+        assert len(stamps_us) == pytest.approx(0.5 * 125, abs=2)
+        assert stamps_us[-1] == pytest.approx(500_000, abs=8000)
+        client.step(0.25)
+        assert self.sent(client, "vehicle_local_position")[0].timestamp > stamps_us[-1]
+
+    def test_a_sample_between_steps_is_answered_by_the_next_one(self, client):
+        client.step(0.5)
+        wish = {"register_mode": 1, "register_arming_check": 1, "px4_ros2_api_version": 1}
+        self.take(client, "register_ext_component_request", request_id=7, **wish)
+        assert client.vehicles["uav1"].autopilot.state.now_s == pytest.approx(0.5)
+        client.step(0.1)
+        (reply,) = self.sent(client, "register_ext_component_reply")
+        assert (reply.request_id, reply.success) == (7, True)
+        assert 500_000 < reply.timestamp <= 600_000
+
+    def test_a_program_over_topics_does_not_end_the_greeting_of_clients(self, client):
+        self.take(client, "vehicle_command", command=16)
+        client.wire.sent.clear()
+        client.lockstep.say_hello()
+        assert client.wire.sent
+        client.step(0.5)
+        client.wire.sent.clear()
+        client.lockstep.say_hello()
+        assert client.wire.sent == []
 
 
 def test_a_repeated_step_is_answered_and_not_flown_again():
