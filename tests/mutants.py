@@ -175,11 +175,11 @@ class Mutant(NamedTuple):
 
 
 class Change(NamedTuple):
-    """How a mutant is made: the code of its function, or None where its source has to be imported."""
+    """How a mutant is made: the code of its function, or None where the module's source has to be imported."""
 
     mutant: Mutant
     code: CodeType | None
-    source: str
+    source: Callable[[], str]
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -366,7 +366,7 @@ class Judge:
             return
         tests = sorted(self._took_s, key=self._took_s.__getitem__)
         imported = self._folder / "imported"
-        os.waitpid(_fork(lambda: self._import(source, tests, imported), math.inf), 0)
+        os.waitpid(_fork(lambda: self._import(lambda: source, tests, imported), math.inf), 0)
         self.broken = imported.read_text(encoding="utf-8")
         if self.broken:
             return
@@ -435,10 +435,11 @@ class Judge:
                 reached[function] = sorted(names)
         report.write_text(json.dumps((took_s, reached, loop.failed)), encoding="utf-8")
 
-    def _import(self, source: str, order: Sequence[str], report: Path) -> None:
+    def _import(self, source: Callable[[], str], order: Sequence[str], report: Path) -> None:
         """Collect the tests again with the modules of the project, one of which has this source; run them."""
         import pytest
 
+        text = source()
         for module in list(sys.modules):
             if module.partition(".")[0] in PACKAGES:
                 del sys.modules[module]
@@ -446,7 +447,7 @@ class Judge:
 
         def code_of(loader: SourceFileLoader, module: str) -> CodeType | None:
             if module == self._module:
-                return compile(source, str(ROOT / self._name), "exec")
+                return compile(text, str(ROOT / self._name), "exec")
             return get_code(loader, module)
 
         def run(session: Any, loop: Loop) -> None:
@@ -531,32 +532,39 @@ def changes_of(source: str) -> Iterator[Change]:
 
     left_out = (libcst.BaseString, libcst.Assign, libcst.AnnAssign)
     visitor = MutationVisitor(mutation_operators, IgnoredCode(set(), set(), set()))
-    wrapper = libcst.MetadataWrapper(libcst.parse_module(source))
-    end = 0
-    with visitor.resolve(wrapper):
-        for statement in wrapper.module.body:
-            before = wrapper.module.code_for_node(statement)
-            begin = source.index(before, end)
-            end = begin + len(before)
-            visitor.mutations = []
-            statement.visit(visitor)
-            for mutation in visitor.mutations:
-                node = mutation.contained_by_top_level_function
-                names = []
-                if isinstance(node, libcst.FunctionDef):
-                    names = [node.name.value]
-                    if node is not statement:
-                        names.insert(0, statement.name.value)
-                elif isinstance(mutation.original_node, left_out):
-                    continue
-                changed = deep_replace(statement, mutation.original_node, mutation.mutated_node)
-                after = wrapper.module.code_for_node(changed)
-                function = ".".join(names) or MODULE
-                yield Change(
-                    _change(function, before.splitlines(), after.splitlines()),
-                    _changed_code(names, before, after),
-                    source[:begin] + after + source[end:],
-                )
+    module = libcst.MetadataWrapper(libcst.parse_module(source)).visit(visitor)
+    classes = [statement for statement in module.body if isinstance(statement, libcst.ClassDef)]
+    owners = {method: owner for owner in classes for method in owner.body.body}
+
+    def text_of(node: Any, owner: Any) -> str:
+        """Return the source of a function, alone in its class if it has one."""
+        if owner is not None:
+            node = owner.with_changes(body=owner.body.with_changes(body=[node]))
+        return module.code_for_node(node)
+
+    for mutation in visitor.mutations:
+        node = mutation.contained_by_top_level_function
+        names = []
+        if isinstance(node, libcst.FunctionDef):
+            names = [part.name.value for part in (owners.get(node), node) if part is not None]
+        elif isinstance(mutation.original_node, left_out):
+            continue
+        else:
+            node = module
+        owner = owners.get(node)
+        changed = deep_replace(node, mutation.original_node, mutation.mutated_node)
+        before = text_of(node, owner)
+        after = text_of(changed, owner)
+        yield Change(
+            _change(".".join(names) or MODULE, before.splitlines(), after.splitlines()),
+            _changed_code(names, before, after),
+            partial(_whole, module, node, changed),
+        )
+
+
+def _whole(module: Any, node: Any, changed: Any) -> str:
+    """Return the source of a module with one changed node."""
+    return changed.code if node is module else module.deep_replace(node, changed).code
 
 
 def _changed_code(names: Sequence[str], before: str, after: str) -> CodeType | None:

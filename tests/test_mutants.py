@@ -81,7 +81,7 @@ def test_a_mutant_is_known_by_its_function_and_its_lines():
         Mutant("c", "return d(LEAST) < 4", "return d(LEAST) < 5"),
     }
     for mutant, change in mutants.items():
-        assert mutant.becomes in change.source
+        assert mutant.becomes in change.source()
         # A default is computed with the module, not with its function.
         assert (change.code is None) is ("LEAST =" in mutant.line or "most=" in mutant.line)
     swapped = FunctionType(mutants[Mutant("A.b", "1 + most", "1 - most")].code, {})
