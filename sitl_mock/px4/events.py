@@ -15,7 +15,16 @@ _LEVELS: Final = {0: 0x00, 1: 0x11, 2: 0x22, 3: 0x33, 4: 0x44, 5: 0x55, 6: 0x66}
 _WARNINGS: Final = frozenset({"Connection to ground station lost"})
 """Texts of severity INFO whose events are warnings."""
 _WARNING_OF_INFO = 0x64
-_INFO_INSIDE = 0x60
+_LEVELS_INSIDE: Final[Mapping[str, int]] = MappingProxyType(
+    {
+        "Arming denied: Resolve system health failures first": 6,
+        "Disarming denied: not landed": 6,
+        "Mission start denied! No valid mission": 6,
+        "Reposition is outside geofence": 6,
+        "Failsafe activated": 4,
+    }
+)
+"""Log level of texts whose events PX4 logs at another level than it shows."""
 _ARGUMENTS: Final = 40
 _BY_COMMAND = 4
 _BY_MISSION = 5
@@ -107,8 +116,8 @@ def event_of(severity: int, text: str) -> Event | None:
         return None
     name, arguments = event
     levels = _WARNING_OF_INFO if text in _WARNINGS else _LEVELS.get(severity, 0x66)
-    if "denied: " in text:
-        levels = _INFO_INSIDE | levels & 0x0F
+    inside = _LEVELS_INSIDE.get(text, levels >> 4)
+    levels = inside << 4 | levels & 0x0F
     return Event(event_id(name), levels, arguments.ljust(_ARGUMENTS, b"\0"))
 
 
