@@ -7,7 +7,6 @@ Calibrations give the results and texts of ArduCopter 4.5.7's simulator, which c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
@@ -15,7 +14,10 @@ from sitl_mock.protocols import Command, CommandAnswer, Result
 from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from sitl_mock.ardupilot.commander import ArduPilot
+    from sitl_mock.protocols.command import Answers
 
 _ACCEPTED: Final = (
     181,
@@ -61,8 +63,6 @@ ANSWERED: Mapping[int, Result] = MappingProxyType(
 )
 """MAV_RESULT by number of MAV_CMD."""
 
-
-Answers = Sequence[CommandAnswer]
 
 PREFLIGHT = 241
 MAG_YAW = 42006

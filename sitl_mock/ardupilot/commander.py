@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from sitl_mock.vector import Vector
     from sitl_mock.vehicle.modes import Available
 
-CHECK_S: Final = 0.1
+_CHECK_S: Final = 0.1
 AT_REST: Final = Sticks(throttle=-1.0)
 GUIDED_MODES: Final = frozenset({"GUIDED", "GUIDED_NOGPS"})
 _STOPPED: Final = Setpoint(Kind.STOPPED)
@@ -209,7 +209,7 @@ class ArduPilot:
 
     def tick(self, now_s: float) -> Setpoint:
         """Run the checks when due; return the setpoint of the flown mode."""
-        if now_s >= self._check_s + CHECK_S - 1e-9:
+        if now_s >= self._check_s + _CHECK_S - 1e-9:
             self._check_s = now_s
             state = self.state
             if state.home_m is None and state.estimator.global_valid:

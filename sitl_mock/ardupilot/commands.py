@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
@@ -18,25 +17,23 @@ from sitl_mock.ardupilot.guided import STOP
 from sitl_mock.ardupilot.maneuvers import turn_from
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, is_on_earth
+from sitl_mock.protocols.command import ACCEPTED, DENIED, UNSUPPORTED, Answers
+from sitl_mock.protocols.services import HIGHEST_M
 from sitl_mock.vector import Vector
 from sitl_mock.vehicle.setpoints import GLOBAL_TERRAIN
 from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
-    from sitl_mock.ardupilot.commander import ArduPilot
+    from collections.abc import Callable, Mapping
 
-Answers = Sequence[CommandAnswer]
+    from sitl_mock.ardupilot.commander import ArduPilot
 
 FORCE_ARM: Final = frozenset({2989.0, 21196.0})
 FORCE_DISARM: Final = 21196.0
-ACCEPTED: Final = (CommandAnswer(Result.ACCEPTED),)
 FAILED: Final = (CommandAnswer(Result.FAILED),)
-DENIED: Final = (CommandAnswer(Result.DENIED),)
-UNSUPPORTED: Final = (CommandAnswer(Result.UNSUPPORTED),)
-GUIDED_MODES: Final = frozenset({"GUIDED"})
+_WITH_POSITION: Final = frozenset({"GUIDED"})
 _SPEED_MODES: Final = frozenset({"GUIDED", "AUTO", "RTL"})
 _COPTER_ONLY: Final = frozenset({22, 84, 85, 115, 183, 193, 195, 197, 201, 42002, 42003})
-HIGHEST_M: Final = 100_000.0
 _MOST_PULSE_US: Final = 0xFFFF
 _RELATIVE: Final = frozenset({3, 6})
 
@@ -112,7 +109,7 @@ def _takeoff(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     if command.is_int and command.frame not in _RELATIVE:
         return DENIED
     height_m = command.params[6]
-    ready = state.armed and state.on_ground and commander.mode in GUIDED_MODES
+    ready = state.armed and state.on_ground and commander.mode in _WITH_POSITION
     if not (ready and 0.0 < height_m < HIGHEST_M):
         return FAILED
     home = state.position_m if state.home_m is None else state.home_m

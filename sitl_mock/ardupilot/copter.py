@@ -14,7 +14,7 @@ from sitl_mock.ardupilot.modes import COPTER_MODES, Firmware
 from sitl_mock.ardupilot.plans import return_target
 from sitl_mock.ardupilot.safety import just_down
 from sitl_mock.dynamics import Kind, Setpoint
-from sitl_mock.dynamics.shaping import root_law
+from sitl_mock.dynamics.shaping import sqrt_controller
 from sitl_mock.missions.flight import Leg
 from sitl_mock.vector import Vector
 from sitl_mock.vehicle.setpoints import turned
@@ -114,7 +114,8 @@ def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
     fast = fast_cm_s * 0.01
     above_m = max(height - float(parameters["LAND_ALT_LOW"]) * 0.01, 0.0)
     speed = min(
-        max(root_law(above_m, 1.0, _SLOWING_M_S2), float(parameters["LAND_SPEED"]) * 0.01), fast
+        max(sqrt_controller(above_m, 1.0, _SLOWING_M_S2), float(parameters["LAND_SPEED"]) * 0.01),
+        fast,
     )
     return Setpoint(
         Kind.TRAVEL,

@@ -86,7 +86,7 @@ _NAMES: Final = {
 }
 
 
-def files_of(parameters: ParameterStore, plans: PlanStore, storage: Storage) -> FileTree:
+def _files_of(parameters: ParameterStore, plans: PlanStore, storage: Storage) -> FileTree:
     """Return the files of one vehicle."""
     hidden: dict[str, Callable[[str], bytes]] = {
         "@PARAM/param.pck": partial(packed_parameters, parameters),
@@ -259,7 +259,7 @@ ARDUCOPTER: Final = Flavour(
     fix_type=6,
     pack=ARDUPILOT_PACK,
     sensors=ARDUPILOT_SENSORS,
-    files=files_of,
+    files=_files_of,
     withheld=_WITHHELD,
     trusted_links=_TRUSTED_LINKS,
 )
@@ -286,7 +286,7 @@ ROVER_FLAVOUR: Final = Flavour(
     fix_type=6,
     pack=ARDUPILOT_PACK,
     sensors=ARDUPILOT_SENSORS,
-    files=files_of,
+    files=_files_of,
     withheld=_WITHHELD,
     trusted_links=_TRUSTED_LINKS,
     ground_vehicle=True,

@@ -82,7 +82,7 @@ _AXES: Final = tuple(
     for number, axis in enumerate("NED", start=188)
 )
 """Position control along north, east and down: target and estimate of position, velocity and acceleration."""
-KINDS: Final = (FMT, PARM, MSG, MODE, EV, ARM, ORGN, ATT, POS, XKF1, BAT, GPS, GUIP, *_AXES)
+_KINDS: Final = (FMT, PARM, MSG, MODE, EV, ARM, ORGN, ATT, POS, XKF1, BAT, GPS, GUIP, *_AXES)
 
 
 class ArduPilotFlightLog:
@@ -181,7 +181,7 @@ class ArduPilotFlightLog:
             title = report.flavour.title.split(maxsplit=1)[0]
             now_us = report.boot_us
             self._parameters.remember(state.parameters)
-            head = [kind.definition for kind in KINDS]
+            head = [kind.definition for kind in _KINDS]
             head += [_parameter(report, name) for name in state.parameters.names]
             head.append(MSG.pack(now_us, f"{title} V{major}.{minor}.{patch}".encode()))
             if state.home_m is not None:

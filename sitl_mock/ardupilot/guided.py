@@ -11,12 +11,12 @@ from typing import Any, Final
 
 from sitl_mock.dynamics import IGNORED, ZERO, Kind, Setpoint
 from sitl_mock.protocols import PlanItem
+from sitl_mock.protocols.command import GLOBAL_FRAMES
 from sitl_mock.vector import Vector
 from sitl_mock.vehicle.setpoints import (
     BODY_NED,
     BODY_OFFSET_NED,
     FORCE,
-    GLOBAL_FRAMES,
     GLOBAL_RELATIVE,
     GLOBAL_TERRAIN,
     IGNORE_ACCELERATION,

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.missions.flight import NAV_DELAY
+from sitl_mock.missions.flight import CONDITION_YAW, NAV_DELAY
 from sitl_mock.protocols import Command
 from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
     from sitl_mock.ardupilot.commander import ArduPilot
 
-CONDITION_YAW: Final = 115
 DO_SET_HOME: Final = 179
 DO_FENCE_ENABLE: Final = 207
 _AS_COMMANDS: Final = frozenset({CONDITION_YAW, DO_SET_HOME, DO_FENCE_ENABLE})

@@ -18,7 +18,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot.fence import contains
-from sitl_mock.dynamics.shaping import root_law
+from sitl_mock.dynamics.shaping import sqrt_controller
 from sitl_mock.missions.fence import inclusion_polygons
 from sitl_mock.protocols import PlanItem, PlanKind, PlanStore
 from sitl_mock.protocols.plan import CIRCLES, POLYGONS
@@ -90,11 +90,13 @@ def avoiding(state: VehicleState, plans: PlanStore, setpoint: Setpoint) -> Setpo
     for distance_m, (to_n, to_e) in _sides(state, plans):
         room_m = distance_m - margin_m
         if room_m < -bearable_m:
-            back = min(root_law(-room_m, gain, _SLOWING_M_S2), fastest_back)
+            back = min(sqrt_controller(-room_m, gain, _SLOWING_M_S2), fastest_back)
             north = -back * to_n
             east = -back * to_e
             break
-        excess_m_s = north * to_n + east * to_e - root_law(max(room_m, 0.0), gain, _SLOWING_M_S2)
+        excess_m_s = (
+            north * to_n + east * to_e - sqrt_controller(max(room_m, 0.0), gain, _SLOWING_M_S2)
+        )
         if excess_m_s > 0.0:
             north = north - excess_m_s * to_n
             east = east - excess_m_s * to_e

@@ -15,7 +15,7 @@ from sitl_mock.calibrate.step_log import FlavourName, read_step_log
 from sitl_mock.errors import ConfigError, imported_for
 
 
-def table_of(comparison: Comparison) -> Table:
+def comparison_table(comparison: Comparison) -> Table:
     """Return a table with one row per segment and axis; cells with two numbers are real / mock."""
     guess_words = f", guessed by {comparison.guessed_by}" if comparison.guessed_by else ""
     table = Table(
@@ -134,6 +134,6 @@ def calibrate_file(
         typer.echo(json.dumps(as_plain(comparison), indent=1))
     else:
         console = Console()
-        console.print(table_of(comparison))
+        console.print(comparison_table(comparison))
         console.print(verdict_of(comparison), soft_wrap=True)
     return 0 if comparison.passed else 1

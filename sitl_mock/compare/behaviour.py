@@ -92,7 +92,7 @@ def _take(values: dict[str, FieldRange], label: str, value: object) -> None:
 
 
 RATE_SHARE = 0.2
-LEAST = 5
+_LEAST = 5
 """Rarer messages on both sides are answers or events and have no rate."""
 
 ANSWERS = frozenset(
@@ -137,7 +137,7 @@ def differences(recorded: Behaviour, mock: Behaviour) -> list[MessageDifference]
         elif real is None and ours is not None:
             lines.append(MessageDifference("extra", name, "", "none", _often(ours)))
         elif real is not None and ours is not None:
-            counted = max(real.count, ours.count) >= LEAST
+            counted = max(real.count, ours.count) >= _LEAST
             rate_off_hz = abs(real.rate_hz - ours.rate_hz)
             rates_differ = rate_off_hz > RATE_SHARE * max(real.rate_hz, ours.rate_hz)
             if counted and name not in ANSWERS and rates_differ:
@@ -161,7 +161,7 @@ def differences(recorded: Behaviour, mock: Behaviour) -> list[MessageDifference]
 
 
 def _often(stream: Stream) -> str:
-    return f"{stream.rate_hz:.2f} Hz" if stream.count >= LEAST else f"{stream.count} times"
+    return f"{stream.rate_hz:.2f} Hz" if stream.count >= _LEAST else f"{stream.count} times"
 
 
 def span(values: FieldRange) -> str:

@@ -126,7 +126,7 @@ def _autopilot_heartbeat(path: Path, frames: list[TimedFrame]) -> tuple[Message,
     )
 
 
-STEP_S = 0.01
+_STEP_S = 0.01
 BOOTED_S = 60.0
 """Time from the mock's boot to the start of the recording."""
 
@@ -154,14 +154,14 @@ def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, M
         ready_after_s=0.0,
     )
     vehicle.step(-BOOTED_S)
-    vehicle.step(-STEP_S)
+    vehicle.step(-_STEP_S)
     decoder = Decoder()
     messages: list[tuple[float, Message]] = []
     heard = defaultdict[int, list[bytes]](list)
     for heard_s, frame in recording.heard:
-        heard[round(heard_s / STEP_S)].append(frame)
-    for number in range(round(recording.end_s / STEP_S) + 1):
-        at_s = number * STEP_S
+        heard[round(heard_s / _STEP_S)].append(frame)
+    for number in range(round(recording.end_s / _STEP_S) + 1):
+        at_s = number * _STEP_S
         for frame in vehicle.step(at_s, heard.get(number, [])):
             messages += [(at_s, message) for message in decoder.feed(frame, whole=True)]
     return messages

@@ -33,7 +33,7 @@ class Reference(NamedTuple):
 _reference = maker_of(Reference)
 
 
-def root_law(error: float, gain: float, second_max: float) -> float:
+def sqrt_controller(error: float, gain: float, second_max: float) -> float:
     """Rate of correction for a non-negative error with a second derivative of at most `second_max`.
 
     Linear with `gain` near zero, along the braking parabola farther out, with equal slope where they meet.
@@ -69,7 +69,7 @@ def shape_pair(
     err_n = wanted[0] - velocity[0]
     err_e = wanted[1] - velocity[1]
     err = math.hypot(err_n, err_e)
-    size = min(root_law(err, settle_1_s, jerk_m_s3), accel_m_s2, err / dt_s)
+    size = min(sqrt_controller(err, settle_1_s, jerk_m_s3), accel_m_s2, err / dt_s)
     scale = size / err if err > 1e-12 else 0.0
     d_n = err_n * scale + forward[0] - acceleration[0]
     d_e = err_e * scale + forward[1] - acceleration[1]
@@ -108,7 +108,7 @@ def shape_turn(
     err_e = wanted[1] - velocity[1]
     err = math.hypot(err_n, err_e)
     if err > 1e-12:
-        size = min(root_law(err, settle_1_s, jerk_m_s3), err / dt_s)
+        size = min(sqrt_controller(err, settle_1_s, jerk_m_s3), err / dt_s)
         a_n, a_e = _cornered((err_n * size / err, err_e * size / err), wanted, accel_m_s2)
     else:
         a_n = a_e = 0.0
@@ -193,7 +193,7 @@ def shape_one(
         dt_s: The step.
     """
     err = wanted - velocity
-    size = min(root_law(abs(err), settle_1_s, jerk_m_s3), accel_m_s2, abs(err) / dt_s)
+    size = min(sqrt_controller(abs(err), settle_1_s, jerk_m_s3), accel_m_s2, abs(err) / dt_s)
     change = math.copysign(size, err) + forward - acceleration
     max_change = jerk_m_s3 * dt_s
     return acceleration + within(change, -max_change, max_change)
@@ -220,7 +220,7 @@ def approach_pair(
     distance = math.hypot(*to_go)
     if distance < 1e-9:
         return 0.0, 0.0
-    speed = min(root_law(distance, gain_1_s, 0.5 * accel_m_s2), speed_max)
+    speed = min(sqrt_controller(distance, gain_1_s, 0.5 * accel_m_s2), speed_max)
     return to_go[0] * speed / distance, to_go[1] * speed / distance
 
 
@@ -236,7 +236,7 @@ def approach_one(
         accel_m_s2: At most.
         gain_1_s: Of the linear end, 1/s.
     """
-    speed = root_law(abs(to_go), gain_1_s, 0.5 * accel_m_s2)
+    speed = sqrt_controller(abs(to_go), gain_1_s, 0.5 * accel_m_s2)
     return min(speed, down_max) if to_go > 0.0 else -min(speed, up_max)
 
 

@@ -77,6 +77,12 @@ class CommandAnswer(NamedTuple):
     delay_s: float = 0.0
 
 
+Answers = Sequence[CommandAnswer]
+ACCEPTED: Final = (CommandAnswer(Result.ACCEPTED),)
+DENIED: Final = (CommandAnswer(Result.DENIED),)
+UNSUPPORTED: Final = (CommandAnswer(Result.UNSUPPORTED),)
+
+
 Execute = Callable[[float, Command], Sequence[CommandAnswer]]
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
     from sitl_mock.protocols.session import Reply
 
-PIECE: Final = 249
+_PIECE: Final = 249
 """Bytes in one message."""
 NO_BEGINNING: Final = 255
 """first_message_offset of a piece in which no message of the log begins."""
@@ -55,7 +55,7 @@ class LogStream:
         self._beginnings.clear()
         self._book.listener = self._take
         self._append(head)
-        self._head_pieces = -(-len(self._buffer) // PIECE)
+        self._head_pieces = -(-len(self._buffer) // _PIECE)
         self._tries = 0
         return self._reliable(now_s)
 
@@ -87,8 +87,8 @@ class LogStream:
                 return []
             return [self._unanswered]
         replies = []
-        while len(self._buffer) >= PIECE:
-            replies.append(self._piece("LOGGING_DATA", PIECE))
+        while len(self._buffer) >= _PIECE:
+            replies.append(self._piece("LOGGING_DATA", _PIECE))
         return replies
 
     def _take(self, messages: Sequence[bytes]) -> None:
@@ -104,7 +104,7 @@ class LogStream:
     def _reliable(self, now_s: float) -> list[Reply]:
         self._head_pieces -= 1
         self._sent_s = now_s
-        self._unanswered = self._piece("LOGGING_DATA_ACKED", min(PIECE, len(self._buffer)))
+        self._unanswered = self._piece("LOGGING_DATA_ACKED", min(_PIECE, len(self._buffer)))
         return [self._unanswered]
 
     def _piece(self, name: str, size: int) -> Reply:
@@ -118,5 +118,5 @@ class LogStream:
         self._beginnings = deque(place - size for place in self._beginnings)
         sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFFFF
-        padded = data.ljust(PIECE, b"\0")
+        padded = data.ljust(_PIECE, b"\0")
         return (name, *self._target, sequence, size, first, padded)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
     from sitl_mock.protocols.session import Reply
 
-PIECE: Final = 90
+_PIECE: Final = 90
 """Bytes in one LOG_DATA."""
 _PIECES: Final = 100
 """Messages in one cycle."""
@@ -120,7 +120,7 @@ class LogProtocol:
             return []
         replies = []
         for _ in range(_PIECES):
-            data = self._part.content[self._part.at : self._part.at + PIECE]
+            data = self._part.content[self._part.at : self._part.at + _PIECE]
             reply = _piece(self._part.log_id, self._part.at, data)
             self._part.at += len(data)
             replies.append(reply)
@@ -140,10 +140,10 @@ class LogProtocol:
             self._part = None
             return [] if self._rules.whole_pieces else [_piece(log_id, start, b"")]
         end = min(start + count, len(content))
-        upto = min(end + PIECE, len(content)) if self._rules.whole_pieces else end
+        upto = min(end + _PIECE, len(content)) if self._rules.whole_pieces else end
         self._part = _Part(log_id, bytes(content[:upto]), start, end)
         return []
 
 
 def _piece(log_id: int, start: int, data: bytes) -> Reply:
-    return ("LOG_DATA", log_id, start, len(data), data.ljust(PIECE, b"\0"))
+    return ("LOG_DATA", log_id, start, len(data), data.ljust(_PIECE, b"\0"))

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.protocols.command import MAV_FRAME_GLOBAL, coordinate
-from sitl_mock.protocols.mission_upload import KINDS, MissionUpload, acknowledge, read_item
+from sitl_mock.protocols.mission_upload import PLAN_KINDS, MissionUpload, acknowledge, read_item
 from sitl_mock.protocols.plan import NAV_WAYPOINT, MissionResult, PlanItem, PlanKind, PlanStore
 from sitl_mock.protocols.services import Place
 from sitl_mock.protocols.session import Reply, source_of
@@ -104,7 +104,7 @@ class MissionProtocol:
     def _note_old(self, message: Message) -> None:
         """Note a message without integer coordinates, which the autopilot warns of."""
         kind = message.mission_type
-        if self._rules.warns_of_old and kind in KINDS:
+        if self._rules.warns_of_old and kind in PLAN_KINDS:
             self._plans.old_messages.add((message.get_type(), PlanKind(kind)))
 
     def _take(self, now_s: float, message: Message) -> list[Reply]:
@@ -131,7 +131,7 @@ class MissionProtocol:
     def _count(self, now_s: float, message: Message) -> list[Reply]:
         partner = source_of(message)
         kind = message.mission_type
-        if kind not in KINDS:
+        if kind not in PLAN_KINDS:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         count = len(self._plans.plans[PlanKind(kind)].items)
         if count:
@@ -142,7 +142,7 @@ class MissionProtocol:
         partner = source_of(message)
         kind = message.mission_type
         seq = message.seq
-        if kind not in KINDS:
+        if kind not in PLAN_KINDS:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         items = self._plans.plans[PlanKind(kind)].items
         if seq == 0 and kind == PlanKind.MISSION and self._rules.home_first:
@@ -186,7 +186,7 @@ class MissionProtocol:
     def _clear(self, now_s: float, message: Message) -> list[Reply]:
         partner = source_of(message)
         kind = message.mission_type
-        if kind not in KINDS | {ALL_KINDS}:
+        if kind not in PLAN_KINDS | {ALL_KINDS}:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         is_locked = self._plans.in_flight and kind in {PlanKind.MISSION, ALL_KINDS}
         if is_locked or self._upload.active or self._upload.busy(now_s, partner):

@@ -103,7 +103,7 @@ ARDUPILOT_MISSION_RULES: Final = MissionRules(
 )
 
 
-KINDS: Final = frozenset(PlanKind)
+PLAN_KINDS: Final = frozenset(PlanKind)
 _WHOLE_FRAMES: Final = {0: 5, 3: 6}
 """MAV_FRAME of whole degrees by that of floats, absolute and relative."""
 _WARNING: Final = 4  # MAV_SEVERITY
@@ -163,7 +163,7 @@ class MissionUpload:
     def start(self, now_s: float, message: Message) -> list[Reply]:
         """Take MISSION_COUNT."""
         partner = source_of(message)
-        if message.mission_type not in KINDS:
+        if message.mission_type not in PLAN_KINDS:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, message.mission_type)]
         kind = PlanKind(message.mission_type)
         if self.busy(now_s, partner):

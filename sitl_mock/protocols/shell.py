@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
     from sitl_mock.protocols.session import Reply
 
-PIECE: Final = 70
+_PIECE: Final = 70
 """Bytes in one message."""
 PROMPT: Final = b"pxh> "
 _SHELL: Final = 10  # SERIAL_CONTROL_DEV_SHELL
@@ -42,7 +42,7 @@ class ShellProtocol:
         """Take SERIAL_CONTROL for the shell; without the flag RESPOND the shell closes."""
         if message.device != _SHELL or message.flags & _REPLY:
             return []
-        if 0 < message.count <= PIECE:
+        if 0 < message.count <= _PIECE:
             for letter in bytes(message.data[: message.count]):
                 if letter == ord("\n"):
                     line = self._typed.decode(errors="replace")
@@ -71,9 +71,9 @@ class ShellProtocol:
     def _pieces(self) -> list[Reply]:
         replies: list[Reply] = []
         while self._answer and len(replies) < _PIECES:
-            data = bytes(self._answer[:PIECE])
-            del self._answer[:PIECE]
+            data = bytes(self._answer[:_PIECE])
+            del self._answer[:_PIECE]
             replies.append(
-                ("SERIAL_CONTROL", _SHELL, _REPLY, 0, 0, len(data), data.ljust(PIECE, b"\0"))
+                ("SERIAL_CONTROL", _SHELL, _REPLY, 0, 0, len(data), data.ljust(_PIECE, b"\0"))
             )
         return replies

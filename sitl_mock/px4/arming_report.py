@@ -19,7 +19,7 @@ from sitl_mock.vehicle.modes import Need
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sitl_mock.px4.external_modes import Verdict
+    from sitl_mock.px4.external_modes import ArmingVerdict
     from sitl_mock.vehicle.state import VehicleState
 
 REPORTED_EVERY_S: Final = 2.0
@@ -47,7 +47,7 @@ class Checked(Protocol):
     state: VehicleState
     mode: str
     met_needs: frozenset[Need]
-    verdict: Verdict
+    verdict: ArmingVerdict
 
     def needs_of(self, mode: str) -> frozenset[Need]:
         """Return what a mode needs."""
@@ -132,7 +132,7 @@ class ArmingReport:
         """
         if now_s < self._told_s + REPORTED_EVERY_S and not force:
             return []
-        results = checked(px4)
+        results = arming_results(px4)
         if results == self._told and not force:
             return []
         self._told = results
@@ -146,7 +146,7 @@ class ArmingReport:
         ]
 
 
-def checked(px4: Checked) -> Results:
+def arming_results(px4: Checked) -> Results:
     """Return the results of the checks now."""
     events = list(px4.verdict.reasons)
     errors = 0

@@ -5,17 +5,17 @@ barometer never ends and cannot be cancelled.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain, count
 from types import MappingProxyType
 from typing import Final
 
 from sitl_mock.protocols import Command, CommandAnswer, Result
+from sitl_mock.protocols.command import Answers
 from sitl_mock.vehicle.state import Severity, VehicleState
 
 Line = tuple[float, Severity, str]
-Answers = Sequence[CommandAnswer]
 
 _INFO = Severity.INFO
 _CRITICAL = Severity.CRITICAL

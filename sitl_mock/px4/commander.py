@@ -15,7 +15,7 @@ from sitl_mock.missions.flight import MissionFlight
 from sitl_mock.px4 import flying, offboard, safety
 from sitl_mock.px4.arming_report import ArmingReport
 from sitl_mock.px4.calibration import Calibration
-from sitl_mock.px4.external_modes import EXECUTOR_COMPONENT, EXTERNAL, ExternalModes, Verdict
+from sitl_mock.px4.external_modes import EXECUTOR_COMPONENT, EXTERNAL, ArmingVerdict, ExternalModes
 from sitl_mock.px4.failures import MotorFailures
 from sitl_mock.px4.ground import LANDED_S, HomeKeeper, LandDetector
 from sitl_mock.px4.maneuvers import Follow
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
 
-CHECK_S: Final = 0.1
+_CHECK_S: Final = 0.1
 _MONITORED_S: Final = 10.0 / 3.0
 """AVAILABLE_MODES_MONITOR is sent this often once the modes have changed."""
 _REPORTED_AGAIN_S: Final = 1.0
@@ -112,7 +112,7 @@ class Px4:
         self.ground = LandDetector()
         self._takeoff_height_m = math.nan
         self.external = ExternalModes(state.parameters)
-        self.verdict: Verdict = self.external.verdict("HOLD")
+        self.verdict: ArmingVerdict = self.external.verdict("HOLD")
         self._by_executor = False
         self._report = ArmingReport()
         self._monitored_s = -math.inf
@@ -380,7 +380,7 @@ class Px4:
             self.request(now_s, wanted)
         if self.mission.is_unjudged:
             self.look()
-        if now_s >= self._check_s + CHECK_S - 1e-9:
+        if now_s >= self._check_s + _CHECK_S - 1e-9:
             self._check_s = now_s
             self._check(now_s)
         if self.calibration.kind:

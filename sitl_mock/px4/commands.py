@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.missions.fence import violated
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, is_on_earth
+from sitl_mock.protocols.command import ACCEPTED, DENIED, UNSUPPORTED, Answers
 from sitl_mock.px4 import failures
 from sitl_mock.px4.external_modes import NAME_OF
 from sitl_mock.px4.maneuvers import Orbit
@@ -22,16 +22,11 @@ from sitl_mock.vector import Vector
 from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from sitl_mock.px4.commander import Px4
 
-Answers = Sequence[CommandAnswer]
-
-ACCEPTED: Final = (CommandAnswer(Result.ACCEPTED),)
 REFUSED: Final = (CommandAnswer(Result.TEMPORARILY_REJECTED),)
-DENIED: Final = (CommandAnswer(Result.DENIED),)
-UNSUPPORTED: Final = (CommandAnswer(Result.UNSUPPORTED),)
 SILENCE: Final[Answers] = ()
 
 

@@ -110,7 +110,7 @@ class ExternalMode:
     fallback_told: bool = False
 
 
-class Verdict(NamedTuple):
+class ArmingVerdict(NamedTuple):
     """What the arming checks say now.
 
     Attributes:
@@ -255,7 +255,7 @@ class ExternalModes:
                 registered.fallback_told = True
                 yield Event(event_id("commander_mode_fallback_internal"), _CRITICAL, bytes(40))
 
-    def verdict(self, intended: str) -> Verdict:
+    def verdict(self, intended: str) -> ArmingVerdict:
         """Return what the checks say about every mode.
 
         Args:
@@ -296,7 +296,7 @@ class ExternalModes:
                 reasons.append(Event(event.id, event.log_levels, arguments.ljust(40, b"\0")))
         if silent:
             reasons.append(_arming_event("unresponsive", _CRITICAL, silent))
-        return Verdict(needs, frozenset(unarmable), holds_all, tuple(reasons))
+        return ArmingVerdict(needs, frozenset(unarmable), holds_all, tuple(reasons))
 
     def required(self, internal: Mapping[str, int]) -> list[int]:
         """Return what every mode needs, as FailsafeFlags has it: bits by mode for each requirement.

@@ -49,10 +49,10 @@ if TYPE_CHECKING:
     from sitl_mock.vehicle.state import VehicleState
 
 
-def files_of(parameters: ParameterStore, _plans: PlanStore, storage: Storage) -> FileTree:
+def _files_of(parameters: ParameterStore, _plans: PlanStore, storage: Storage) -> FileTree:
     """Return the files of one vehicle."""
     return FileTree(
-        metadata.files_of(parameters),
+        metadata.metadata_files(parameters),
         frozenset({"/etc", "/etc/init.d", "/log", "/tmp", "/eeprom"}),
         storage=storage,
     )
@@ -134,7 +134,7 @@ PX4: Final = Flavour(
     texts=None,
     text_as_sent=with_tab,
     event_of=event_of,
-    files=files_of,
+    files=_files_of,
     metadata=lambda parameters: (f"mftp://{metadata.GENERAL}", metadata.general_crc(parameters)),
     own_id_only=PX4_OWN_ID_ONLY,
     broadcast=PX4_BROADCAST,

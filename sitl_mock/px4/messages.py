@@ -63,7 +63,7 @@ _LOG_TYPES: Final = {
 }
 
 
-class Field(NamedTuple):
+class MessageField(NamedTuple):
     """A field of a message: type of one element, name, and number of elements (0 for a scalar)."""
 
     kind: str
@@ -89,7 +89,7 @@ class MessageType:
         for text in fields.split(";"):
             kind, _, of_name = text.partition(" ")
             element, _, count = kind.removesuffix("]").partition("[")
-            described.append(Field(element, of_name, int(count) if count else 0))
+            described.append(MessageField(element, of_name, int(count) if count else 0))
         self.fields = tuple(described)
         # Each value is at a multiple of its size.
         body = ""
@@ -168,7 +168,7 @@ class MessageType:
         return self._record(*taken)
 
     @cached_property
-    def in_log_order(self) -> tuple[Field, ...]:
+    def in_log_order(self) -> tuple[MessageField, ...]:
         """The fields in the order of PX4's memory and log: the largest types first."""
         return tuple(sorted(self.fields, key=lambda field: -_alignment(field.kind)))
 

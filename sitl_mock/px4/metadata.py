@@ -41,7 +41,7 @@ _COMPONENTS: Final = (
 """Parts that a report of health or of arming checks names, by the number of their bit."""
 
 
-def files_of(parameters: ParameterStore) -> dict[str, Callable[[], bytes]]:
+def metadata_files(parameters: ParameterStore) -> dict[str, Callable[[], bytes]]:
     """Return the files by their path, made when they are read."""
     listed = tuple(parameters.definitions.values())
     return {

@@ -1,7 +1,7 @@
 """PX4's shell, as `mavlink_shell.py` sees it: versions, parameters, the commander's state and topics.
 
-Source: ``pxh.cpp`` and the commands of PX4 1.17, whose texts it has. Commands that are not in `COMMANDS` are unknown
-here.
+Source: ``pxh.cpp`` and the commands of PX4 1.17, whose texts it has. Commands that are not in `SHELL_COMMANDS` are
+unknown here.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def answer_to(report: Report, line: str) -> str:
         return ""
     name, *arguments = words
     if name == "help":
-        return "Builtin Commands:\n" + "".join(f"  {command}\n" for command in COMMANDS)
-    command = COMMANDS.get(name)
+        return "Builtin Commands:\n" + "".join(f"  {command}\n" for command in SHELL_COMMANDS)
+    command = SHELL_COMMANDS.get(name)
     if command is None:
         return f"Invalid command: {name}\ntype 'help' for a list of commands\n"
     answer = command(report, arguments)
@@ -259,7 +259,7 @@ def _remark(field: TopicField, part: Sequence[float], now_us: int) -> str:
     return ""
 
 
-COMMANDS: Final[Mapping[str, Callable[[Report, Sequence[str]], Answer]]] = {
+SHELL_COMMANDS: Final[Mapping[str, Callable[[Report, Sequence[str]], Answer]]] = {
     "commander": commander,
     "listener": listener,
     "param": param,

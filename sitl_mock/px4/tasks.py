@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from sitl_mock.px4.flying import ModePlan
 
 
-IDLING: Final = Setpoint(Kind.IDLING)
-STEP_S: Final = 0.02
+_IDLING: Final = Setpoint(Kind.IDLING)
+_STEP_S: Final = 0.02
 _WISH_M: Final = 0.3
 _WISH_M_S: Final = 0.3
 _THROTTLE_WISH: Final = 0.3
@@ -45,20 +45,20 @@ def fly(px4: Px4) -> Setpoint:
         return Setpoint(Kind.BRAKE)
     state = px4.state
     if state.on_ground and state.pilot.sticks.throttle <= _THROTTLE_WISH:
-        return IDLING
-    return by_stick(state, px4.plan, STEP_S, slow=px4.mode == "POSITION_SLOW")
+        return _IDLING
+    return by_stick(state, px4.plan, _STEP_S, slow=px4.mode == "POSITION_SLOW")
 
 
 def _streamed(px4: Px4) -> Setpoint:
     """The last setpoint of a stream; one of body rates turns the vehicle on."""
     if px4.rates is not None:
-        px4.setpoint = px4.rates.advance(STEP_S)
+        px4.setpoint = px4.rates.advance(_STEP_S)
     return px4.setpoint
 
 
 def _offboard(px4: Px4) -> Setpoint:
     setpoint = _streamed(px4)
-    return setpoint if not px4.state.on_ground or px4.wants_to_climb() else IDLING
+    return setpoint if not px4.state.on_ground or px4.wants_to_climb() else _IDLING
 
 
 def _takeoff(px4: Px4) -> Setpoint:
@@ -74,7 +74,7 @@ def _mission(px4: Px4) -> Setpoint:
     flight = px4.mission
     if not flight.begun and not px4.begin_mission():
         _go_on(px4, "mission finished")
-        return IDLING if state.on_ground else Setpoint(Kind.BRAKE)
+        return _IDLING if state.on_ground else Setpoint(Kind.BRAKE)
     setpoint = flying.mission(state, flight, px4.plan)
     if flight.over == "return":
         px4.intention = "RTL"
@@ -87,12 +87,12 @@ def _mission(px4: Px4) -> Setpoint:
         flight.landing_told = True
         state.say(Severity.INFO, "Mission finished, landed")
     down_again = state.on_ground and state.flew and (flight.over or flight.landing)
-    return IDLING if down_again else setpoint
+    return _IDLING if down_again else setpoint
 
 
 def _in_the_air(task: Callable[[Px4], Setpoint]) -> Callable[[Px4], Setpoint]:
     def guarded(px4: Px4) -> Setpoint:
-        return IDLING if px4.state.on_ground else task(px4)
+        return _IDLING if px4.state.on_ground else task(px4)
 
     return guarded
 
@@ -107,7 +107,7 @@ def _or_from_the_ground(task: Callable[[Px4], Setpoint]) -> Callable[[Px4], Setp
             setpoint.position_ned_m[2] < state.position_m[2] - _WISH_M
             or setpoint.velocity_ned_m_s[2] < -_WISH_M_S
         )
-        return setpoint if climbs or not state.on_ground or px4.ground.just_down(state) else IDLING
+        return setpoint if climbs or not state.on_ground or px4.ground.just_down(state) else _IDLING
 
     return guarded
 
@@ -129,13 +129,13 @@ def _orbit(px4: Px4) -> Setpoint:
     return (
         Setpoint(Kind.BRAKE, yaw_rad=px4.plan.yaw_rad)
         if orbit is None
-        else orbit.fly(px4.state, STEP_S)
+        else orbit.fly(px4.state, _STEP_S)
     )
 
 
 def _follow(px4: Px4) -> Setpoint:
     follow = px4.plan.follow
-    return Setpoint(Kind.BRAKE) if follow is None else follow.fly(px4.state, STEP_S)
+    return Setpoint(Kind.BRAKE) if follow is None else follow.fly(px4.state, _STEP_S)
 
 
 def _land(px4: Px4) -> Setpoint:

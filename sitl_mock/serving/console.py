@@ -166,7 +166,7 @@ class LiveTable:
             return
         self._next_s = now_s + TABLE_S
         self._live.update(
-            table_of([status_of(vehicle) for vehicle in self._vehicles]), refresh=True
+            fleet_table([status_of(vehicle) for vehicle in self._vehicles]), refresh=True
         )
 
     def close(self) -> None:
@@ -174,7 +174,7 @@ class LiveTable:
         self._live.stop()
 
 
-def table_of(fleet: Sequence[Status]) -> Table:
+def fleet_table(fleet: Sequence[Status]) -> Table:
     """Return a table with one row per vehicle."""
     from rich import box  # noqa: PLC0415 - as above
     from rich.table import Table  # noqa: PLC0415 - as above

@@ -5,7 +5,7 @@ from typing import Any
 
 from sitl_mock.telemetry.motion import MOTION
 from sitl_mock.telemetry.on_request import ARDUPILOT_ON_REQUEST, PX4_ON_REQUEST
-from sitl_mock.telemetry.px4 import PX4
+from sitl_mock.telemetry.px4 import PX4_BUILDERS
 from sitl_mock.telemetry.status import STATUS
 from sitl_mock.vehicle.flavour import Report
 
@@ -15,7 +15,7 @@ BUILDERS: Builders = {**MOTION, **STATUS}
 """Builders that the flavours share; each replaces some and has more."""
 _ARDUPILOT: Builders = {**BUILDERS, **ARDUPILOT_ON_REQUEST}
 _OWN: Mapping[str, Builders] = {
-    "px4": {**BUILDERS, **PX4, **PX4_ON_REQUEST},
+    "px4": {**BUILDERS, **PX4_BUILDERS, **PX4_ON_REQUEST},
     "arducopter": _ARDUPILOT,
     "rover": _ARDUPILOT,
 }
@@ -26,4 +26,4 @@ def builders_of(flavour: str) -> Builders:
     return _OWN[flavour]
 
 
-__all__ = ["BUILDERS", "MOTION", "PX4", "STATUS", "Builders", "Report", "builders_of"]
+__all__ = ["BUILDERS", "MOTION", "PX4_BUILDERS", "STATUS", "Builders", "Report", "builders_of"]

@@ -4,14 +4,12 @@ import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from sitl_mock.dynamics import Kind
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
-from sitl_mock.telemetry.wire import heading_cdeg, int16
+from sitl_mock.telemetry.wire import Fields, heading_cdeg, int16
 from sitl_mock.vehicle.flavour import Report
-
-Fields = tuple[Any, ...]
 
 _NAN = math.nan
 _EMPTY_Q: Final = bytes(16)

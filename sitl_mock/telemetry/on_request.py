@@ -6,7 +6,7 @@ Many belong to parts that the simulated vehicles do not have. SET_MESSAGE_INTERV
 import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from sitl_mock.dynamics import attitude_of
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
@@ -23,10 +23,9 @@ from sitl_mock.telemetry.status import (
     gps_raw_int,
     rc_channels,
 )
-from sitl_mock.telemetry.wire import int16
+from sitl_mock.telemetry.wire import Fields, int16
 from sitl_mock.vehicle.flavour import Report
 
-Fields = tuple[Any, ...]
 Build = Callable[[Report], Fields | None]
 
 _GUIDED_FLAG: Final = 8
@@ -86,7 +85,7 @@ def _px4_high_latency(report: Report) -> Fields:
 
 
 def _px4_scaled_imu(report: Report) -> Fields:
-    felt = px4.highres_imu(report)[1:10]
+    felt = px4.px4_highres_imu(report)[1:10]
     units = (1e3 / GRAVITY_M_S2,) * 3 + (1e3,) * 6
     milli = (int16(value * unit) for value, unit in zip(felt, units, strict=True))
     return (report.boot_ms, *milli, 1500)
@@ -99,7 +98,7 @@ def _px4_motor_controls(report: Report) -> Fields:
 
 
 def _px4_outputs(report: Report) -> Fields:
-    pulses = px4.servo_output_raw(report)[2:]
+    pulses = px4.px4_servo_output_raw(report)[2:]
     return (report.boot_us, 16, (*map(float, pulses), *(0.0,) * 16))
 
 
@@ -108,7 +107,7 @@ def _px4_adsb_out(report: Report) -> Fields:
     state = report.state
     north, east, down = (int16(value * 100.0) for value in state.sensors.fix.velocity_m_s)
     flying = 8 if state.on_ground else 0xFFFF
-    pressure = int(px4.scaled_pressure(report)[1])  # PX4 puts hPa into a field of millimetres
+    pressure = int(px4.px4_scaled_pressure(report)[1])  # PX4 puts hPa into a field of millimetres
     return (
         *(0, fix[2], fix[3], fix[4], fix[1], fix[9], pressure, fix[11], fix[12] // 10, fix[13]),
         *(-down, north, east, 0, flying, 1200),

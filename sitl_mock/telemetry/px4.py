@@ -5,16 +5,14 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from sitl_mock.dynamics import IGNORED, Kind
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
 from sitl_mock.parameters.calibrated_sensors import uncalibrated
 from sitl_mock.telemetry.motion import pressure_hpa
-from sitl_mock.telemetry.wire import int16
+from sitl_mock.telemetry.wire import Fields, int16
 from sitl_mock.vehicle.flavour import Report
-
-Fields = tuple[Any, ...]
 
 _NAN: Final = math.nan
 _LOCAL_NED = 1
@@ -44,7 +42,7 @@ _NO_TIME_2019_S: Final = 2748666496
 _AUTOMATIC: Final = frozenset({"HOLD", "TAKEOFF", "MISSION", "RTL", "LAND", "PRECLAND"})
 
 
-def attitude(report: Report) -> Fields:
+def px4_attitude(report: Report) -> Fields:
     """ATTITUDE; on the ground with the sensors' noise."""
     state = report.state
     sensors = state.sensors
@@ -117,7 +115,7 @@ _VELOCITY_COVARIANCE: Final = _diagonal(0.02, 0.02, 0.01, _NAN, _NAN, _NAN)
 _ROUNDING: Final = 1e-9
 
 
-def sys_status(report: Report) -> Fields:
+def px4_sys_status(report: Report) -> Fields:
     """SYS_STATUS: PREARM is healthy when it may arm, and never present; the charge is rounded up."""
     state = report.state
     battery = state.battery
@@ -136,7 +134,7 @@ def sys_status(report: Report) -> Fields:
     return (present, present | _RADIO, health, 120, millivolts, -100, percent, *(0,) * 8, 1)
 
 
-def position_target_local_ned(report: Report) -> Fields:
+def px4_position_target_local_ned(report: Report) -> Fields:
     """POSITION_TARGET_LOCAL_NED: the moving trajectory, or the setpoint of a stream."""
     setpoint = report.setpoint
     yaw = setpoint.yaw_rad
@@ -175,7 +173,7 @@ def _mask(values: tuple[float, ...]) -> int:
     return bits
 
 
-def position_target_global_int(report: Report) -> Fields | None:
+def px4_position_target_global_int(report: Report) -> Fields | None:
     """POSITION_TARGET_GLOBAL_INT: the goal of an automatic mode while armed, otherwise None."""
     state = report.state
     setpoint = report.setpoint
@@ -192,7 +190,7 @@ def position_target_global_int(report: Report) -> Fields | None:
     return (report.boot_ms, _GLOBAL_INT, 0, *position, *moving, setpoint.yaw_rad, 0.0)
 
 
-def highres_imu(report: Report) -> Fields:
+def px4_highres_imu(report: Report) -> Fields:
     """HIGHRES_IMU: specific force, rates, field and pressure with the sensors' noise."""
     state = report.state
     sensors = state.sensors
@@ -217,7 +215,7 @@ def highres_imu(report: Report) -> Fields:
     )
 
 
-def scaled_pressure(report: Report) -> Fields:
+def px4_scaled_pressure(report: Report) -> Fields:
     """SCALED_PRESSURE."""
     state = report.state
     return (
@@ -268,7 +266,7 @@ def altitude(report: Report) -> Fields:
     )
 
 
-def distance_sensor(report: Report) -> Fields:
+def px4_distance_sensor(report: Report) -> Fields:
     """DISTANCE_SENSOR: SIH's laser that looks down."""
     state = report.state
     height_cm = int(
@@ -277,7 +275,7 @@ def distance_sensor(report: Report) -> Fields:
     return (report.boot_ms, 0, _LIDAR_CM, height_cm, 0, 0, 25, 0, 0.0, 0.0, _EMPTY_Q, 0)
 
 
-def vfr_hud(report: Report) -> Fields:
+def px4_vfr_hud(report: Report) -> Fields:
     """VFR_HUD: without an airspeed."""
     state = report.state
     v_n, v_e, v_d = state.velocity_m_s
@@ -295,7 +293,7 @@ def _throttle(report: Report) -> float:
     return min(1.0, report.state.body.thrust_m_s2 / _FULL_M_S2) if report.state.armed else 0.0
 
 
-def servo_output_raw(report: Report) -> Fields:
+def px4_servo_output_raw(report: Report) -> Fields:
     """SERVO_OUTPUT_RAW: four motors, and 900 on every channel that is off."""
     state = report.state
     pulse = (
@@ -306,7 +304,7 @@ def servo_output_raw(report: Report) -> Fields:
     return (report.boot_us & 0xFFFFFFFF, 0, *(pulse,) * 4, *(_PULSE_OFF,) * 12)
 
 
-def battery_status(report: Report) -> Fields:
+def px4_battery_status(report: Report) -> Fields:
     """BATTERY_STATUS: SIH's pack reports its voltage as one cell, and no current."""
     battery = report.state.battery
     share = battery.remaining
@@ -330,7 +328,7 @@ def battery_status(report: Report) -> Fields:
     )
 
 
-def vibration(report: Report) -> Fields:
+def px4_vibration(report: Report) -> Fields:
     """VIBRATION."""
     shaken = not report.state.on_ground
     return (
@@ -408,22 +406,22 @@ def current_event_sequence(report: Report) -> Fields:
     return (report.events.latest, 0 if len(report.events) else 1)
 
 
-PX4: Mapping[str, Callable[[Report], Fields | None]] = MappingProxyType(
+PX4_BUILDERS: Mapping[str, Callable[[Report], Fields | None]] = MappingProxyType(
     {
-        "ATTITUDE": attitude,
+        "ATTITUDE": px4_attitude,
         "ODOMETRY": odometry,
-        "SYS_STATUS": sys_status,
-        "POSITION_TARGET_LOCAL_NED": position_target_local_ned,
-        "POSITION_TARGET_GLOBAL_INT": position_target_global_int,
-        "HIGHRES_IMU": highres_imu,
-        "SCALED_PRESSURE": scaled_pressure,
+        "SYS_STATUS": px4_sys_status,
+        "POSITION_TARGET_LOCAL_NED": px4_position_target_local_ned,
+        "POSITION_TARGET_GLOBAL_INT": px4_position_target_global_int,
+        "HIGHRES_IMU": px4_highres_imu,
+        "SCALED_PRESSURE": px4_scaled_pressure,
         "ALTITUDE": altitude,
         "HIL_STATE_QUATERNION": hil_state_quaternion,
-        "DISTANCE_SENSOR": distance_sensor,
-        "VFR_HUD": vfr_hud,
-        "SERVO_OUTPUT_RAW": servo_output_raw,
-        "BATTERY_STATUS": battery_status,
-        "VIBRATION": vibration,
+        "DISTANCE_SENSOR": px4_distance_sensor,
+        "VFR_HUD": px4_vfr_hud,
+        "SERVO_OUTPUT_RAW": px4_servo_output_raw,
+        "BATTERY_STATUS": px4_battery_status,
+        "VIBRATION": px4_vibration,
         "ESTIMATOR_STATUS": estimator_status,
         "OPEN_DRONE_ID_LOCATION": open_drone_id_location,
         "OPEN_DRONE_ID_SYSTEM": open_drone_id_system,

@@ -3,15 +3,13 @@
 import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
-from sitl_mock.telemetry.wire import heading_cdeg
+from sitl_mock.telemetry.wire import Fields, heading_cdeg
 from sitl_mock.vehicle.estimator import EPH_M
 from sitl_mock.vehicle.flavour import Report
 from sitl_mock.vehicle.pilot import override_time_s
-
-Fields = tuple[Any, ...]
 
 _GYRO = 0x1
 _ACCEL = 0x2

@@ -1,6 +1,10 @@
 """Numbers of the wire."""
 
 import math
+from typing import Any
+
+Fields = tuple[Any, ...]
+"""Fields of a message, in the order of its payload."""
 
 _LEAST_INT16 = -32767.0
 _MOST_INT16 = 32767.0

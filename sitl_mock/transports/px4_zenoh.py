@@ -21,13 +21,12 @@ import zenoh
 from sitl_mock.px4.messages import message_type
 from sitl_mock.px4.topic_link import PUBLISHED, SUBSCRIBED, frame_of, sample_of
 from sitl_mock.transports.loop import Arrival
-from sitl_mock.transports.zenoh_session import configuration
+from sitl_mock.transports.zenoh_session import QUEUE_MAX, configuration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-QUEUE_MAX: Final = 4096
-RETRY_S: Final = 5.0
+_RETRY_S: Final = 5.0
 LINK: Final = "px4_zenoh"
 _ATTACHMENT: Final = struct.Struct("<qqB16s").pack
 _GUID: Final = bytes.fromhex("aabbcc").ljust(16, b"\0")
@@ -131,9 +130,9 @@ class Px4ZenohEndpoint:
                     told = True
                     sys.stderr.write(
                         f"no Zenoh router at {self._endpoint}; PX4's topics wait and try again "
-                        f"every {RETRY_S:g} s\n"
+                        f"every {_RETRY_S:g} s\n"
                     )
-                self._closing.wait(RETRY_S)
+                self._closing.wait(_RETRY_S)
                 continue
             for vehicle, domain in self._domains.items():
                 for topic, message in SUBSCRIBED.items():

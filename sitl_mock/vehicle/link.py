@@ -33,6 +33,7 @@ from sitl_mock.protocols import (
     source_of,
 )
 from sitl_mock.telemetry import Report, builders_of
+from sitl_mock.vehicle.reception import COMPONENT
 from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from sitl_mock.vehicle.autopilot import Autopilot
     from sitl_mock.vehicle.flavour import Flavour
 
-COMPONENT: Final = 1
 ARDUPILOT: Final = 3
 _GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 _GROUND_HEARD_S: Final = 2.5

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from sitl_mock.vehicle.state import VehicleState
 
 COMPONENT: Final = 1
+"""MAVLink component id of an autopilot."""
+
 STICK_SOURCE: Final = "COM_RC_IN_MODE"
 GROUND_ID: Final = "SYSID_MYGCS"
 _GROUND_STATION: Final = 6  # MAV_TYPE_GCS

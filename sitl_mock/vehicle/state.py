@@ -18,7 +18,7 @@ _CHARGE_LAG_S = 1.0
 """PX4's reported charge follows that of the pack with this time constant."""
 _FILTERED = 2.7e-5
 """PX4's filter of that lag, in single precision, comes this close and no closer; so a half is shown as 51 %."""
-LEAST = 0.5
+LEAST_CHARGE = 0.5
 """Flying does not drain ArduPilot's battery below this, so that long tests do not end in failsafes."""
 
 
@@ -84,8 +84,8 @@ class Battery:
         self.current_a = self.pack.idle_a + self.pack.hover_a * thrust_share
         used_mah = self.current_a * dt_s / 3.6
         self.consumed_mah += used_mah
-        if not self.pack.drained_by_time and self.charge > LEAST:
-            self.charge = max(LEAST, self.charge - used_mah / self.pack.capacity_mah)
+        if not self.pack.drained_by_time and self.charge > LEAST_CHARGE:
+            self.charge = max(LEAST_CHARGE, self.charge - used_mah / self.pack.capacity_mah)
             self.remaining = self.charge
 
     def drain(self, dt_s: float, *, armed: bool, whole_s: float, least: float) -> None:

@@ -31,7 +31,7 @@ def position(z, *, mask=0x0DF8, frame=1):
 def test_only_heartbeats_are_sent_until_a_stream_is_asked_for(fly):
     flight = fly("arducopter").run(5.0)
     told_once = {"HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
-    assert {m.get_type() for _, m in flight.observed} - told_once <= {
+    assert {m.get_type() for _, m in flight.heard} - told_once <= {
         "HEARTBEAT",
         "TIMESYNC",
         "STATUSTEXT",

@@ -41,10 +41,10 @@ class Drone:
 
     def upload(self, items):
         self.flight.send("MISSION_CLEAR_ALL", 1, 1, 0)
-        before = len(self.flight.observed)
+        before = len(self.flight.heard)
         self.flight.send("MISSION_COUNT", 1, 1, len(items), 0)
         for _ in range(200):
-            for _, message in self.flight.observed[before:]:
+            for _, message in self.flight.heard[before:]:
                 before += 1
                 if message.get_type() == "MISSION_REQUEST":
                     command, north, east, height = items[message.seq]

@@ -8,7 +8,14 @@ from hypothesis import strategies as st
 
 from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, PX4_TRAVEL, Kind, Setpoint
 from sitl_mock.dynamics.multicopter import Pending, advance_pending
-from sitl_mock.dynamics.shaping import Reference, advance, root_law, shape_one, shape_pair, travel
+from sitl_mock.dynamics.shaping import (
+    Reference,
+    advance,
+    shape_one,
+    shape_pair,
+    sqrt_controller,
+    travel,
+)
 from sitl_mock.vector import ZERO, Vector
 from tests.harness.examples import drawn
 
@@ -18,20 +25,24 @@ speeds = st.floats(-12.0, 12.0)
 
 
 @given(gain=st.floats(0.2, 8.0), second=st.floats(0.5, 10.0))
-def test_the_root_law_is_smooth_where_its_two_ends_meet(gain, second):
+def test_the_square_root_controller_is_smooth_where_its_two_ends_meet(gain, second):
     corner = second / gain**2
-    assert root_law(corner * (1 + 1e-9), gain, second) == pytest.approx(gain * corner, rel=1e-6)
-    slope = (root_law(corner * 1.0001, gain, second) - root_law(corner, gain, second)) / (
-        corner * 0.0001
+    assert sqrt_controller(corner * (1 + 1e-9), gain, second) == pytest.approx(
+        gain * corner, rel=1e-6
     )
+    slope = (
+        sqrt_controller(corner * 1.0001, gain, second) - sqrt_controller(corner, gain, second)
+    ) / (corner * 0.0001)
     assert slope == pytest.approx(gain, rel=1e-3)
 
 
 @given(start=st.floats(0.1, 50.0), second=st.floats(0.5, 10.0))
-def test_following_the_root_law_brakes_with_the_second_derivative_it_plans(start, second):
+def test_following_the_square_root_controller_brakes_with_the_second_derivative_it_plans(
+    start, second
+):
     step = 1e-4
-    before = root_law(start, 20.0, second)
-    after = root_law(start - before * step, 20.0, second)
+    before = sqrt_controller(start, 20.0, second)
+    after = sqrt_controller(start - before * step, 20.0, second)
     assert (before - after) / step <= second * 1.01
 
 

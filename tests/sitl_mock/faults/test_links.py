@@ -76,12 +76,12 @@ def test_a_delay_without_jitter_keeps_the_order(rig):
 def test_corrupt_frames_are_refused_by_pymavlink_and_by_the_vehicle(rig, bits):
     both = {"kind": "corrupt", "bits": bits, "direction": "both", "at_s": 1.0}
     flight = rig(both).run(1.0)
-    heard = len(flight.observed)
+    heard = len(flight.heard)
     flight.run(0.5)
     assert flight.command(400, 1.0) == []
     assert not flight.vehicle.armed
     assert flight.vehicle.counters()["onboard"]["crc"] == 1
-    known = [m for _, m in flight.observed[heard:] if not m.get_type().startswith("UNKNOWN")]
+    known = [m for _, m in flight.heard[heard:] if not m.get_type().startswith("UNKNOWN")]
     assert known == [], "pymavlink can only check the messages that it knows"
     assert flight.broken > 100
 
@@ -112,7 +112,7 @@ def test_signed_frames_check_under_their_key_and_fail_under_another(rig):
         decoder = Decoder(signing=Signing(bytes((byte,)) * 32))
         messages = [m for _, frame in flight.frames for m in decoder.feed(frame, whole=True)]
         assert len(messages) == good
-    assert len(flight.observed) == len(flight.frames)  # who does not check takes them
+    assert len(flight.heard) == len(flight.frames)  # who does not check takes them
 
 
 @pytest.mark.parametrize(
@@ -289,5 +289,5 @@ def test_frames_of_every_kind_of_fault_are_valid_unless_the_fault_damages_them(r
         flight.command(400, 1.0)
         assert flight.broken == 0, name
         assert name in {"loss", "delay"} or any(
-            isinstance(m, dialect.MAVLink_message) for _, m in flight.observed
+            isinstance(m, dialect.MAVLink_message) for _, m in flight.heard
         ), name

@@ -174,7 +174,7 @@ def test_frozen_telemetry_leaves_heartbeats_and_answers(rig):
     flight = rig({"kind": "telemetry_freeze", "at_s": 2.0}).run(3.0)
     assert flight.command(400, 1.0) == [(1, 0)]
     flight.run(5.0)
-    assert {m.get_type() for _, m in flight.observed if _ > 2.1} == {"HEARTBEAT", "COMMAND_ACK"}
+    assert {m.get_type() for _, m in flight.heard if _ > 2.1} == {"HEARTBEAT", "COMMAND_ACK"}
 
 
 def test_silence_is_silence_while_the_vehicle_obeys(rig):
@@ -182,7 +182,7 @@ def test_silence_is_silence_while_the_vehicle_obeys(rig):
     assert flight.command(400, 1.0) == []
     assert flight.vehicle.armed
     flight.run(3.0)
-    times = [t for t, _ in flight.observed]
+    times = [t for t, _ in flight.heard]
     assert max(b - a for a, b in itertools.pairwise(times)) == pytest.approx(3.0, abs=0.1)
 
 
@@ -218,9 +218,9 @@ def test_every_kind_can_be_put_upon_every_flavour_and_lifted(rig):
             flight.run(0.04)
         assert flight.faulted.faults() == ()
         flight.run(5.0)
-        heard = len(flight.observed)
+        heard = len(flight.heard)
         flight.run(2.0)
-        assert len(flight.observed) > heard
+        assert len(flight.heard) > heard
 
 
 def test_arducopter_looks_at_the_mode_when_it_arms_not_before(rig):

@@ -14,10 +14,10 @@ ACCEPTED = 0
 
 def upload(flight, items, kind=MISSION):
     """Upload as a client does: count, then every requested item; returns the result."""
-    before = len(flight.observed)
+    before = len(flight.heard)
     flight.send("MISSION_COUNT", 1, 1, len(items), kind)
     for _ in range(20 * len(items) + 50):
-        for _, message in flight.observed[before:]:
+        for _, message in flight.heard[before:]:
             before += 1
             if message.get_type() in {"MISSION_REQUEST_INT", "MISSION_REQUEST"}:
                 flight.send("MISSION_ITEM_INT", 1, 1, message.seq, *items[message.seq], kind)

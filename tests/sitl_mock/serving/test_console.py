@@ -24,10 +24,10 @@ from sitl_mock.serving.console import (
     ChangeLines,
     Status,
     client_lines,
+    fleet_table,
     line_of,
     shown,
     status_of,
-    table_of,
 )
 from sitl_mock.serving.fleet import checked_fleet, with_parameters, with_settings
 from tests.harness.ports import mock_ports
@@ -110,8 +110,8 @@ def test_a_line_and_a_row_say_the_same():
         line_of(status, 3.0)
         == "     3.0 s  uav1  OFFBOARD  armed  12.3 m  clients 255/190  faults loss"
     )
-    assert table_of([status]).row_count == 1
-    assert [column.header for column in table_of([status]).columns] == [
+    assert fleet_table([status]).row_count == 1
+    assert [column.header for column in fleet_table([status]).columns] == [
         "vehicle", "flavour", "mode", "armed", "height", "clients", "faults",
     ]  # fmt: skip
 

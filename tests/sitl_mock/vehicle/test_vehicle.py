@@ -190,7 +190,7 @@ def test_frozen_telemetry_leaves_the_heartbeats(fly):
     flight.vehicle.inject("telemetry_frozen", True)
     start_s = flight.now_s
     flight.run(5.0)
-    assert {m.get_type() for t, m in flight.observed if t > start_s} == {"HEARTBEAT"}
+    assert {m.get_type() for t, m in flight.heard if t > start_s} == {"HEARTBEAT"}
     flight.vehicle.inject("telemetry_frozen", False)
     assert flight.run(0.1).last("ATTITUDE").time_boot_ms > 6000
 
@@ -198,9 +198,9 @@ def test_frozen_telemetry_leaves_the_heartbeats(fly):
 def test_a_silent_vehicle_sends_nothing_and_still_obeys(fly):
     flight = fly("px4").run(1.0)
     flight.vehicle.inject("silent", True)
-    before = len(flight.observed)
+    before = len(flight.heard)
     assert flight.command(400, 1.0) == []
-    assert len(flight.observed) == before
+    assert len(flight.heard) == before
     assert flight.vehicle.armed
 
 
