@@ -111,7 +111,9 @@ class Autopilot:
         tells_setpoint_always: Whether it sends POSITION_TARGET_LOCAL_NED in every mode, or only in the guided mode.
         vehicle_types: MAV_TYPEs that may be flown: by default everything that hovers and moves in any direction.
         guided_is_ours: Whether the guided mode is one that guidance itself registered. Then nobody else sends setpoints
-            in it, and the vehicle's own checks of it wait for our readiness.
+            in it.
+        setpoint_modes: Modes, as HEARTBEAT.custom_mode, in which its own checks wait for setpoints or our readiness. It
+            may stay in one after a landing, also in the one of another link.
         as_mode: The same autopilot with a flight mode of ours as its guided mode; None if it has no such modes.
         mock: Flavour of `sitl-mock` that plays this autopilot in mocked flights.
         mock_speeds: The mock's parameters for the climb and descent rates of a scenario.
@@ -139,6 +141,7 @@ class Autopilot:
     mock_speeds: Callable[[Speeds], Mapping[str, float]] = lambda _: {}
     vehicle_types: frozenset[int] = MULTICOPTERS
     guided_is_ours: bool = False
+    setpoint_modes: frozenset[int] = frozenset()
     as_mode: "Autopilot | None" = None
 
     @property

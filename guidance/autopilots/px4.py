@@ -393,6 +393,7 @@ _OFFBOARD: Final = Autopilot(
     setpoint_timeout_s=1.0,
     waits_in_guided=False,
     prearm_always_told=True,
+    setpoint_modes=frozenset({_mode(6)}),
     streams_hz={**STREAMS_HZ, ODOMETRY: 10.0},
     handling=_HANDLING,
     versions=_VERSIONS,
@@ -415,6 +416,7 @@ _MODE: Final = replace(
     arming_mode=Mode.GUIDED,
     stream_before_guided=False,
     guided_is_ours=True,
+    setpoint_modes=_OFFBOARD.setpoint_modes | {OWN_MODE},
     streams_hz={
         LOCAL_POSITION_NED: 50.0,
         ATTITUDE: 50.0,

@@ -133,10 +133,7 @@ def _prearm_check(
     failure = "the autopilot's own checks fail"
     if not (profile.prearm_always_told or status.sensors_present & _PREARM_CHECK):
         return True, failure
-    guided = (
-        beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
-    )
-    if guided and (profile.stream_before_guided or profile.guided_is_ours):
+    if beat is not None and not beat.armed and beat.custom_mode in profile.setpoint_modes:
         # PX4 keeps OFFBOARD or our mode after a landing, and its checks then miss our setpoints or our readiness. As we
         # arm, it refuses by itself what really is wrong.
         return True, "of a mode that misses setpoints; asked again as it arms"

@@ -709,6 +709,17 @@ def test_checks_that_miss_our_setpoints_keep_nobody_on_the_ground(autopilot, mod
     assert row("prearm", vehicle, autopilot)[0] is passed
 
 
+@pytest.mark.parametrize(
+    ("mode", "armed", "passed"),
+    [(Mode.GUIDED, False, True), (Mode.GUIDED, True, False), (Mode.HOLD, False, False)],
+)
+def test_offboard_that_an_earlier_flight_left_keeps_no_flight_mode_on_the_ground(
+    mode, armed, passed
+):
+    vehicle = well(heartbeat(mode=mode, armed=armed, autopilot=PX4), status(healthy=0))
+    assert row("prearm", vehicle, PX4.as_mode)[0] is passed
+
+
 CONTRADICTED = (NOW_S - 1.0, NOW_S - 0.5, NOW_S - 0.1)
 LATE = BootClock(delay_s=0.6, late_since_s=NOW_S - 1.0)
 
