@@ -3,7 +3,7 @@
 A verdict that has lasted for 1.5 s and the barrier event must never be followed by an arrival of the evader. A
 captured game in which the verdict was not "pursuer" for 0.4 s before the capture is a missed win; fewer than 10 %
 may be. Ends with 1 otherwise. `--shape` chooses the target: a point, a disc, a segment, a polygon, a point or a disc
-that moves.
+that moves. `--pursuer` lets the vehicle play a rule on the mock instead: how many games near the barrier does it win?
 
 `--referee` plays without the mock: a vehicle with just the guaranteed acceleration, a delay and a lag. There, the
 games are played in turn by the drawn course and by evaders that try to break the verdict (`tests.harness.evaders`);
@@ -21,6 +21,7 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from random import Random
+from statistics import median
 from typing import Final, NamedTuple
 
 from guidance.cycle.monitor import GUARDED_S, LASTING_S
@@ -35,6 +36,13 @@ CLOSE_S: Final = 2.0
 COURSE: Final = "course"
 WORST: Final = "worst"
 EVADERS: Final = (COURSE, *KINDS, WORST)
+RULES: Final = (
+    "optimal",
+    "pure_pursuit",
+    "lead_pursuit",
+    "proportional_navigation",
+    "task_oriented",
+)
 
 
 class Judged(NamedTuple):
@@ -50,6 +58,7 @@ class Judged(NamedTuple):
 def judged(arguments: argparse.Namespace, number: int) -> Judged:
     """Draw and fly one game."""
     drawn = draw_game(arguments.seed, number, arguments.shape)
+    drawn = drawn._replace(setup=drawn.setup._replace(policy=arguments.pursuer))
     if not (arguments.referee or arguments.others):
         return Judged(drawn, COURSE, fly(drawn))
     kind = arguments.evader or EVADERS[number % len(EVADERS)]
@@ -84,6 +93,7 @@ def main() -> None:
     )
     parser.add_argument("--evader", choices=EVADERS, help="by the referee; default: all in turn")
     parser.add_argument("--cycles", action="store_true", help="by the referee, in steps of 20 ms")
+    parser.add_argument("--pursuer", choices=RULES, default=RULES[0], help="on the mock")
     parser.add_argument("--shape", choices=tuple(SHAPES), default="point")
     arguments = parser.parse_args()
     ends = Counter[str]()
@@ -94,6 +104,10 @@ def main() -> None:
     broken = 0
     falls_s = [0.0]
     certify_s = [math.nan]
+    near = Counter[bool]()
+    won = Counter[bool]()
+    known_s = []
+    lasted_s = []
     wins = Counter[bool]()
     missed = Counter[bool]()
     with ProcessPoolExecutor(arguments.jobs) as pool:
@@ -104,6 +118,12 @@ def main() -> None:
             sustained = not (math.isnan(game.sustained_s) and math.isnan(game.reported_s))
             claims += sustained
             broken += game.is_broken
+            if abs(game.margin_s) <= CLOSE_S:
+                near[game.margin_s > 0.0] += 1
+                won[game.margin_s > 0.0] += game.end == "captured"
+            if game.end == "captured" and game.claimed_s < game.end_s:
+                known_s.append(game.end_s - game.claimed_s)
+                lasted_s.append(game.end_s)
             falls_s.append(fall_s)
             certify_s.append(cost_s)
             if game.is_broken:
@@ -134,6 +154,15 @@ def main() -> None:
     print(
         f"with the lucky captures: {unforeseen} of {captured} ({unforeseen / max(captured, 1):.1%})"
     )
+    print(
+        f"within {CLOSE_S:g} s of the barrier at engagement: captured {won[True]} of {near[True]} that the game's "
+        f"pursuer wins, and {won[False]} of {near[False]} others"
+    )
+    if known_s:
+        print(
+            f"a verdict that lasted {LASTING_S:g} s came {median(known_s):.1f} s before the capture, median of "
+            f"{len(known_s)} captures that took {median(lasted_s):.1f} s"
+        )
     if arguments.referee or arguments.others:
         step_s = PERIOD_S if arguments.cycles else STEP_S
         costs_s = sorted(certify_s[1:])

@@ -76,6 +76,7 @@ class Setup(NamedTuple):
     speeds_m_s: tuple[float, float]
     start_m: tuple[float, float, float]
     aim: Aim = Aim()
+    policy: str = "optimal"
 
 
 SETUPS = tuple(
@@ -243,7 +244,9 @@ def _scenario(setup: Setup) -> Scenario:
     scenario = hover_chase(
         setup.autopilot, seed=1, speeds_m_s=setup.speeds_m_s, target_m=(0.0, 0.0)
     )
-    pursuer = scenario.pursuer.model_copy(update={"position_m": setup.start_m})
+    pursuer = scenario.pursuer.model_copy(
+        update={"position_m": setup.start_m, "policy": setup.policy}
+    )
     target = Target(
         position_m=(0.0, 0.0), polygon_m=setup.aim.corners_m, radius_m=setup.aim.radius_m
     )
