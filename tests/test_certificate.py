@@ -411,10 +411,19 @@ def test_a_vehicle_at_the_rim_before_an_evader_needs_no_full_speed_to_capture_it
     assert certify(game, past, FULL, None).certificate.vehicle_winner != Winner.PURSUER
 
 
+def test_a_vehicle_that_stops_above_its_target_is_there_when_its_margin_says():
+    """Catches a flight that brakes earlier than the margin counts: the claim was made, and the evader arrived."""
+    result = referee(draw_game(20332, 27, "moving")).result
+    assert not math.isnan(result.sustained_s)
+    assert result.end == "captured"
+
+
 def test_an_evader_that_runs_along_with_its_target_is_not_claimed_too_early():
-    result = referee(draw_game(7101, 50, "moving")).result
-    assert result.end == "arrived"
-    assert math.isnan(result.sustained_s)
+    """Catches a claim before the vehicle can be at a target that moves away from it."""
+    drawn = draw_game(7101, 50, "moving")
+    played = referee(drawn)
+    assert played.result.end == "captured"
+    assert not is_broken(drawn, played)
 
 
 @given(lengths, lengths, lengths, lengths, speeds, speeds, st.sampled_from([0.0, 15.0]))

@@ -40,7 +40,7 @@ from guidance.game.arrays import FLOATS, Array
 from guidance.game.extent import to_set
 
 GUARD_LAG_S: Final = 1.0
-"""Time constant of the stop above the target; with the reaction time, commands that change late make it overshoot."""
+"""Time constant of the stop above the target, to which the reaction time is added."""
 
 UNSURE_S: Final = 0.25
 UNSURE: Final = 0.03
@@ -116,7 +116,8 @@ def guard(
         solution: Solution of the game.
         players: Positions and velocities.
         vehicle: Description of the vehicle.
-        flies_on_s: Time at the present velocity before the vehicle turns.
+        flies_on_s: Time at the present velocity before the vehicle turns: its reaction time, or more for a play that
+            looks further ahead.
         descends_at_once: Whether it descends in this time. The verdict counts that; the play is more cautious.
     """
     race = _race(shown, players, vehicle, flies_on_s)
@@ -124,6 +125,7 @@ def guard(
     if not descends_at_once:
         level_s += flies_on_s
     radius_m = float(shown.standoff.radius_m)
+    reaction_s = vehicle.envelope.reaction_s
     approach = vehicle.approach
     at_rim = Stop(
         approach.braking_m_s2,
@@ -133,14 +135,15 @@ def guard(
     )
     points_m = outline(shown.target_extent)
     if is_held(game):
-        above = Stop(vehicle.envelope.braking_m_s2, GUARD_LAG_S, 0.0, radius_m)
+        stop = Stop(vehicle.envelope.braking_m_s2, GUARD_LAG_S, 0.0, radius_m)
+        # The flight brakes from where the vehicle will be after its reaction: as with a time constant longer by that.
+        above = stop._replace(lag_s=GUARD_LAG_S + reaction_s)
         arrivals_s, _ = _arrivals(race, shown, points_m)
         rim_s = _ground_s(race, points_m, at_rim)
-        above_s = flies_on_s + _ground_s(race, points_m, above)
+        above_s = flies_on_s - reaction_s + _ground_s(race, points_m, above)
         slack_s = float((arrivals_s - np.maximum(np.maximum(rim_s, above_s), level_s)).min())
         unsure_s = UNSURE_S
         goal_m = np.array(_guarded_point(game, solution, players))
-        stop = above
     else:
         pushed_s = level_s - max(0.0, players.gaps.ground_m) / shown.evader_speed_m_s
         race = race._replace(pushed_s=max(0.0, pushed_s))
@@ -148,7 +151,10 @@ def guard(
         unsure_s = _WIDE_UNSURE_S
         stop = at_rim._replace(braking_m_s2=vehicle.envelope.braking_m_s2, short_m=0.0)
     margin_s = min(slack_s, solution.margin_s) - unsure_s - UNSURE * solution.meeting_time_s
-    race = race._replace(speed_m_s=game.pursuer.horizontal_m_s)
+    race = race._replace(
+        speed_m_s=game.pursuer.horizontal_m_s,
+        flies_on_s=_looks_ahead_s(players, vehicle, flies_on_s),
+    )
     east_m_s, north_m_s = (_velocity_to(race, goal_m, stop) + race.target_m_s).tolist()
     return Guard(Enu((east_m_s, north_m_s, solution.pursuer_velocity_m_s[2])), margin_s)
 
@@ -296,6 +302,16 @@ def _velocity_to(race: _Race, place_m: Array, stop: Stop) -> Array:
     heading = way_m / max(float(away_m), _TINY_M)
     speed_m_s = np.minimum(_fastest_m_s(race, heading), stop.allowed_m_s(away_m - stop.short_m))
     return np.asarray(speed_m_s * heading)
+
+
+def _looks_ahead_s(players: Players, vehicle: Capability, flies_on_s: float) -> float:
+    """Return how far a flight to the target looks ahead: by the reaction time that the margin counts.
+
+    A vehicle that is too high looks as far ahead as the play, so it brakes earlier: an evader that passes below one
+    that flies on is at the target first.
+    """
+    level = min(1.0, max(0.0, 2.0 - abs(players.gaps.height_m) / vehicle.tolerance_m))
+    return flies_on_s - level * (flies_on_s - vehicle.envelope.reaction_s)
 
 
 def _level_s(game: Game, players: Players, vehicle: Capability) -> float:
