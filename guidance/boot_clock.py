@@ -64,7 +64,7 @@ class BootClock(NamedTuple):
     pace: float = 1.0
 
     def is_late(self, now_s: float) -> bool:
-        """Whether the delay has exceeded `LATE_TELEMETRY_S` for `CONFIRMED_S`, or has been unknown for `UNKNOWN_S`."""
+        """True if the delay has exceeded `LATE_TELEMETRY_S` for `CONFIRMED_S`, or has been unknown for `UNKNOWN_S`."""
         is_unknown = now_s - self.unknown_since_s >= UNKNOWN_S
         return is_unknown or now_s - self.late_since_s >= CONFIRMED_S
 
@@ -108,7 +108,7 @@ def with_answer(clock: BootClock, answer: Timesync) -> BootClock:
 
 
 def fits_former(clock: BootClock, received_s: float, time_boot_s: float) -> bool:
-    """Whether a message is in time by the offset that one from the future discarded: its sender's clock was not set."""
+    """True if a message is in time by the offset that one from the future discarded: its sender's clock was not set."""
     late_s = math.remainder(received_s - time_boot_s - clock.former_offset_s, _WRAP_S)
     return -_ROUNDING_S <= late_s <= LATE_TELEMETRY_S
 

@@ -286,7 +286,7 @@ _MEANINGLESS: Final = 1e8
 
 
 def usable(*numbers: float) -> bool:
-    """Whether all numbers are finite and, as one vector, not larger than anything in flight can be."""
+    """True if all numbers are finite and, as one vector, not larger than anything in flight can be."""
     return math.hypot(*numbers) <= _MEANINGLESS
 
 

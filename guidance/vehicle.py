@@ -97,7 +97,7 @@ class VehicleState(NamedTuple):
     contradicted_s: tuple[float, ...] = ()
 
     def has_second_sender(self, now_s: float) -> bool:
-        """Whether the positions of the last seconds jump between two senders."""
+        """True if the positions of the last seconds jump between two senders."""
         times_s = self.contradicted_s
         return (
             len(times_s) == _CONTRADICTIONS and now_s - times_s[0] <= 2.0 * _CONTRADICTED_WITHIN_S
@@ -128,7 +128,7 @@ class VehicleState(NamedTuple):
 
     @property
     def armed(self) -> bool:
-        """Whether the last HEARTBEAT says armed; False before the first one."""
+        """True if the last HEARTBEAT says armed; False before the first one."""
         beat = self.latest.get(Heartbeat)
         return beat is not None and beat.armed
 
@@ -140,13 +140,13 @@ class VehicleState(NamedTuple):
 
     @property
     def on_ground(self) -> bool:
-        """Whether the last EXTENDED_SYS_STATE says on ground; False before the first one."""
+        """True if the last EXTENDED_SYS_STATE says on ground; False before the first one."""
         landed = self.latest.get(messages.LandedState)
         return landed is not None and landed.landed_state == LANDED_ON_GROUND
 
     @property
     def in_air(self) -> bool:
-        """Whether the last EXTENDED_SYS_STATE says in the air, taking off or landing; False before the first one."""
+        """True if the last EXTENDED_SYS_STATE says in the air, taking off or landing; False before the first one."""
         landed = self.latest.get(messages.LandedState)
         return landed is not None and landed.landed_state in _IN_AIR
 
@@ -221,7 +221,7 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
 
 
 def _contradicts(now: LocalPosition, state: VehicleState) -> bool:
-    """Whether a position that came after a newer one is not on the way to it, or the newer one has another clock."""
+    """True if a position that came after a newer one is not on the way to it, or the newer one has another clock."""
     previous = state.latest.get(LocalPosition)
     if previous is None:
         return False
@@ -280,7 +280,7 @@ def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | Non
 
 
 def is_plausible(message: Message | messages.EvaderReport) -> bool:
-    """Whether all values of a message are plausible. Values that MAVLink defines as unknown (NaN) are allowed."""
+    """True if all values of a message are plausible. Values that MAVLink defines as unknown (NaN) are allowed."""
     judge = _JUDGES.get(type(message))
     return judge is None or judge(message)
 

@@ -1,4 +1,4 @@
-"""When a vehicle arrives at a place that it approaches as fast as it can brake before it; over arrays of places."""
+"""Time to arrive at a place, for a vehicle that approaches as fast as it can brake; over arrays of places."""
 
 from typing import Any, NamedTuple, TypeAlias
 
@@ -8,17 +8,17 @@ Reals: TypeAlias = Any
 """One number or an array of them; functions of this module return the same."""
 
 _SLOWEST_M_S = 0.1
-"""A vehicle that arrives at the very point where it comes to rest would take for ever."""
+"""Lower bound of the arrival speed: without it, the time to the point of rest would be infinite."""
 
 
 class Stop(NamedTuple):
-    """How a vehicle comes to rest before a place.
+    """A vehicle's stop before a place.
 
     Attributes:
         braking_m_s2: Planned deceleration.
         lag_s: Time constant of the last part.
-        short_m: Distance from the place at which it comes to rest.
-        arrived_m: Distance from there that counts as an arrival.
+        short_m: Distance from the place to the point of rest.
+        arrived_m: Distance from the point of rest that counts as an arrival.
     """
 
     braking_m_s2: float
@@ -33,7 +33,7 @@ class Stop(NamedTuple):
         return reached_m_s - reserve_m_s
 
     def closing_m_s(self, left_m: Reals, fastest_m_s: Reals) -> Reals:
-        """Return the speed that is flown at distances, which is that of the arrival at the least."""
+        """Return the speed at distances, at least the arrival speed."""
         arriving_m_s = max(self.allowed_m_s(self.arrived_m), _SLOWEST_M_S)
         return np.minimum(np.maximum(self.allowed_m_s(left_m), arriving_m_s), fastest_m_s)
 
@@ -42,9 +42,9 @@ def closing_s(left_m: Reals, fastest_m_s: Reals, stop: Stop) -> Reals:
     """Return the time to an arrival, continuous in all arguments.
 
     Args:
-        left_m: Distance to where the vehicle comes to rest.
+        left_m: Distance to the point of rest.
         fastest_m_s: Its speed before it brakes.
-        stop: How it comes to rest.
+        stop: Its stop.
     """
     fast_m_s = stop.closing_m_s(left_m, fastest_m_s)
     arriving_m_s = stop.closing_m_s(stop.arrived_m, fastest_m_s)
@@ -56,16 +56,16 @@ def closing_s(left_m: Reals, fastest_m_s: Reals, stop: Stop) -> Reals:
 
 
 def meeting_s(left_m: Reals, fastest_m_s: Reals, fleeing_m_s: Reals, stop: Stop) -> Reals:
-    """Return the time to a place where the vehicle meets what flees from it, and brakes to its speed.
+    """Return the time until the vehicle meets a fleeing evader at a place, braking to its speed.
 
-    The vehicle closes on it as `closing_s` says, from a gap on that is smaller than the way to the place, because that
-    which flees is at the place only at the meeting. Two steps of Newton's method find the gap.
+    The vehicle closes the gap as in `closing_s`. The gap is smaller than the way to the place, because the evader
+    reaches the place only at the meeting. Two steps of Newton's method find the gap.
 
     Args:
-        left_m: Distance to where the vehicle would come to rest before the place.
+        left_m: Distance to the point of rest before the place.
         fastest_m_s: Its speed before it brakes.
-        fleeing_m_s: Speed of what flees, along the way; less than the fastest one.
-        stop: How it comes to rest, relative to that.
+        fleeing_m_s: The evader's speed along the way; less than `fastest_m_s`.
+        stop: The vehicle's stop, relative to the evader.
     """
     relative_m_s = fastest_m_s - fleeing_m_s
     gap_m = left_m * relative_m_s / fastest_m_s

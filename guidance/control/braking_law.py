@@ -17,7 +17,7 @@ circle there, which then bounds the feed-forward too.
 
 If walls contradict each other, the limits of the flight (floor, ceiling, fences) rank before the separation: they are
 known from the vehicle's own telemetry, and a mate's word may be wrong. A vehicle beyond a limit flies back to it, also
-towards a mate. Within the limits nothing gives way: a vehicle that no wall lets move stands still.
+towards a mate. No wall yields within the limits: a vehicle between walls that allow no motion stands still.
 
 A cycle applies the law to one list of walls:
 
@@ -48,7 +48,7 @@ _NO_DIRECTION: Final = 1e-9
 """A shorter normal is rounding."""
 
 _SAME_SIDE: Final = 0.5
-"""Cosine of the angle at home up to which a circle's nearest point stands for the part of it that is flown to."""
+"""Cosine of the largest angle at home at which a circle's nearest point also covers the part flown to."""
 
 
 class Situation(NamedTuple):
@@ -72,7 +72,7 @@ class Wall(NamedTuple):
 
     Attributes:
         limiter: Its name.
-        normal_ned: Unit vector towards what is forbidden. With a horizontal and a vertical part, both closing speeds
+        normal_ned: Unit vector into the forbidden side. With a horizontal and a vertical part, both closing speeds
             share the distance.
         gap_m: Distance to the line where the vehicle has to stop; negative beyond it.
         margin_m: Distance from that line to the limit itself.
@@ -97,7 +97,7 @@ class Wall(NamedTuple):
 
 
 class Separation(NamedTuple):
-    """An upright cylinder about a mate that the vehicle stays out of: centre (NED, m), radius, and half its height."""
+    """An upright cylinder about a mate, closed to the vehicle: centre (NED, m), radius, and half its height."""
 
     position_ned_m: Ned
     radius_m: float
@@ -164,7 +164,7 @@ def _stand_off(situation: Situation, envelope: Envelope) -> list[Wall]:
 def _mate_walls(situation: Situation, mate: Separation, beyond: Sequence[Ned]) -> list[Wall]:
     """Return the walls halfway to a mate's cylinder.
 
-    Both vehicles stop within their halves, so nobody has to know what the other will do. Braking for a distance that
+    Both vehicles stop within their halves, so neither has to know the other's plan. Braking for a distance that
     shrinks from both sides, the faster of two equal vehicles reaches its bound first.
 
     Args:
@@ -239,7 +239,7 @@ def _edges(polygon: Polygon, point: Point) -> list[tuple[Point, float]]:
 def _walls_ahead(
     walls: tuple[Wall, ...], velocity_ned_m_s: Ned, drift_s: float, envelope: Envelope
 ) -> list[Wall]:
-    """Return the walls that a vehicle may have to brake for, with the circle's far side; the approach has its own.
+    """Return the walls that may need braking, with the circle's far side; the approach has its own.
 
     No stop is longer than one at the whole speed with the weaker braking. A vehicle beyond a wall is flown back, which
     may lead it to any other wall.
@@ -397,7 +397,7 @@ def constraints_of(
     Floor and ceiling are in the reach of the vertical speed alone, which `obey` never increases.
 
     Args:
-        asked_ned_m_s: Velocity asked for.
+        asked_ned_m_s: Requested velocity.
         situation: State of the vehicle.
         walls: Of this cycle.
         envelope: Braking and reaction of the vehicle.
@@ -424,7 +424,7 @@ def _constraint(
 ) -> Constraint:
     """Make the constraint of a wall, from the velocities relative to it.
 
-    Braking is computed from the speed asked for. The speed sent is never larger, so the true stop is shorter.
+    Braking is computed from the requested speed. The speed sent is never larger, so the true stop is shorter.
     """
     moving = wall.velocity_ned_m_s
     normal = wall.normal_ned

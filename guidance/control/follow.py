@@ -61,7 +61,7 @@ RECOVERY_PER_S = 0.5
 LARGEST_DEFICIT_M = 15.0
 """So that a vehicle that cannot keep up does not race for long afterwards."""
 UNHURRIED_M = 1.0
-"""Deficit from which the height may take all the time there is."""
+"""Deficit above which the height may take all the remaining time."""
 EASE = 1.5
 """A vehicle that exceeds the speed limit is slowed down by this many times the excess."""
 
@@ -78,7 +78,7 @@ def observe_drift(
 ) -> Drift:
     """Update the drift with a report of position and velocity.
 
-    After a jump of more than `JUMP_M` (the estimator was reset), the new position is taken over and nothing is learned.
+    After a jump of more than `JUMP_M` (the estimator was reset), the new position is used and nothing is learned.
 
     Args:
         drift: So far.
@@ -102,7 +102,7 @@ def observe_drift(
 
 
 class Pace(NamedTuple):
-    """What speeds are about in one cycle.
+    """Speeds of one cycle.
 
     Attributes:
         dt_s: Seconds since the last cycle.
@@ -136,7 +136,7 @@ def catch_up(
     The vertical speed of a vehicle that is behind is reduced to what reaches the disc's height before any meeting.
 
     Args:
-        desired_ned_m_s: Velocity that the game asks for.
+        desired_ned_m_s: Velocity of the game's solution.
         flown_ned_m_s: Velocity of the vehicle.
         deficit_m: From the last call; 0 at engagement.
         gaps: To the disc.
@@ -166,7 +166,7 @@ class Approach:
         lag_s: Dead time of the vehicle.
         settle_s: Time constant near the rim; it damps position noise.
         vertical_settle_s: Time constant near the disc's height.
-        margin_m: Distance outside the rim at which it comes to rest.
+        margin_m: Distance from the rim to the point of rest.
         backing_m_s: Largest speed for backing off from inside.
     """
 
@@ -233,7 +233,7 @@ def approach(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handling:
-    """How a vehicle flies at its autopilot's default parameters.
+    """Flight behaviour at the autopilot's default parameters.
 
     Attributes:
         servo: How the guidance makes it follow a velocity; None sends the game's velocity unchanged.
@@ -282,7 +282,7 @@ def follow(
     """Follow the game's velocity for one cycle.
 
     Args:
-        desired_ned_m_s: Velocity that the game asks for.
+        desired_ned_m_s: Velocity of the game's solution.
         here: Position and velocity of the vehicle, velocity of the evader.
         gaps: To the disc.
         handling: Of the vehicle.

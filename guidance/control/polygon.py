@@ -159,13 +159,13 @@ def crossing_edges(edges: Sequence[_Edge]) -> tuple[int, int] | None:
 
 
 def _edges_cross(edges: Sequence[_Edge], first: int, second: int) -> bool:
-    """Whether two edges of a closed line, by their numbers in order, have more in common than a corner."""
+    """True if two edges of a closed line, by their numbers in order, have more in common than a corner."""
     neighbours = second - first in (1, len(edges) - 1)
     return edges_meet(edges[first], edges[second], neighbours=neighbours)
 
 
 def _is_above(span: _Edge, beginning: _Edge) -> bool:
-    """Whether an edge on the sweeping line is above the edge that begins there; where both meet, beyond it."""
+    """True if an edge on the sweeping line is above the edge that begins there; where both meet, beyond it."""
     turn = _turn(*span, beginning[0])
     if turn == 0.0:
         turn = _turn(*span, beginning[1])

@@ -19,13 +19,13 @@ from guidance.game import Game
 
 LATE_PURSUIT_S: Final = 1.0
 LATE_M: Final = 1.0
-"""A pursuit is late from this delay on, and the time in which it closes this distance: errors of the estimates."""
+"""A pursuit is late after this delay and the time to close this distance, which cover errors of the estimates."""
 
 WHOLLY_S: Final = 1.0
-"""Further delay from which the vehicle flies wholly to the predicted path."""
+"""Further delay after which the vehicle flies only to the predicted path."""
 
 FORGIVEN: Final = 0.2
-"""Share of the passing time by which a delay and an old promise are forgiven, so that they do not count for ever."""
+"""Rate at which a delay and an old promise are forgiven, so that they fade."""
 
 LATEST_S: Final = 6.0
 """Larger delays count as this one."""
@@ -66,7 +66,7 @@ class Circling(NamedTuple):
 
         Args:
             evader_m_s: Estimated velocity of the evader, game frame.
-            needed_s: Time in which an evader is captured that runs straight away now.
+            needed_s: Time to capture an evader that runs straight away from now on.
             dt_s: Time since the last cycle.
         """
         turn_rad_s = self.turn_rad_s
@@ -92,7 +92,7 @@ class Circling(NamedTuple):
         return min(1.0, max(0.0, 2.0 * needed_m_s2 / vehicle.acceleration.ground_m_s2 - 1.0))
 
     def noticed_s(self, game: Game) -> float:
-        """Return the delay after which a pursuit is wholly late."""
+        """Return the delay that counts as fully late."""
         return (
             LATE_PURSUIT_S
             + LATE_M / (game.pursuer.horizontal_m_s - game.evader_speed_m_s)
@@ -105,14 +105,14 @@ class Circling(NamedTuple):
         return self.sharpness(game, vehicle) * min(1.0, max(0.0, lateness))
 
     def detour_s(self, game: Game, vehicle: Capability) -> float:
-        """Return what an evader that goes on to circle costs: until the vehicle notices it, and one round."""
+        """Return the time lost to an evader that keeps circling: until the vehicle notices, and one round."""
         sharpness = self.sharpness(game, vehicle)
         if sharpness == 0.0:
             return 0.0
         return sharpness * (self.noticed_s(game) + 2.0 * math.pi / abs(self.turn_rad_s))
 
     def place_m(self, evader_m: Enu, after_s: float) -> Enu:
-        """Return where the evader is after a time if it goes on to turn like this, game frame."""
+        """Return the evader's place after a time if it keeps turning like this, game frame."""
         half_rad = 0.5 * self.turn_rad_s * after_s
         chord_s = after_s
         if abs(half_rad) > _NO_TURN_RAD:
@@ -128,7 +128,7 @@ class Circling(NamedTuple):
 def meeting_velocity(
     game: Game, players: Players, vehicle: Capability, circling: Circling, optimal_m_s: Enu
 ) -> Enu:
-    """Return the velocity to the earliest meeting with an evader that goes on to turn as it has turned, game frame.
+    """Return the velocity to the earliest meeting with an evader that keeps turning as before, game frame.
 
     It is the game's where there is no such meeting within `_AHEAD_S`. A vehicle that has time to spare, because the
     evader still has to come, or because of its height, flies more slowly, and brakes for the place.

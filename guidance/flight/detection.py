@@ -45,7 +45,7 @@ _GPS = 1 << 5
 _PREARM_CHECK = 1 << 28
 
 JUDGED_AFTER_S: Final = 1.0
-"""From then on, since HEARTBEAT showed a mode, the autopilot's own check is of it: ArduPilot checks once a second."""
+"""Time after which the autopilot's own check applies to the mode in HEARTBEAT: ArduPilot checks once a second."""
 
 _TO_DO: Final[Mapping[str, str]] = {
     "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
@@ -121,9 +121,9 @@ def _place_in_fence(observed: Observed, now_s: float) -> tuple[bool, str]:
 def _prearm_check(
     status: SystemStatus, profile: Autopilot, beat: Heartbeat | None
 ) -> tuple[bool, str]:
-    """Return whether the autopilot's own checks do not bar arming, and what they say."""
+    """Return whether the autopilot's own checks allow arming, and their result in words."""
     if status.sensors_health & _PREARM_CHECK:
-        # In a mode that needs no position, a check that passes says nothing about the mode that is armed in.
+        # A check in a mode without a position does not cover the arming mode.
         if beat is None or beat.armed or profile.mode_of(beat.custom_mode) is profile.arming_mode:
             return True, "healthy"
         title = profile.mode_title(profile.arming_mode)
@@ -206,11 +206,11 @@ class Stage:
         resets_seen: Estimator resets counted by then.
         reboots_seen: Reboots counted by then.
         other_mode_seen: Whether HEARTBEAT has shown another mode than the guided one.
-        left: Modes that HEARTBEAT may still show: the one in which the state began, and what was asked for before.
+        left: Modes that HEARTBEAT may still show: the mode at the start of the state, and the one requested before.
         chase_began_s: When the present chase began.
         operator_s: Time of the operator's last order or sign of life.
         battery_was_low: Whether the operator ordered the hold with a low or unknown battery; it stands then.
-        may_be_armed: Whether guidance has asked for arming, or the start order was given to an armed vehicle.
+        may_be_armed: Whether guidance has requested arming, or the vehicle was armed when the start order came.
     """
 
     state: State = State.CONNECTING
@@ -259,7 +259,7 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     vehicle = observed.vehicle
     tracking = observed.tracking
     playing = stage.state in SETPOINT_STATES
-    # Who commands the vehicle, and whether it is in contact.
+    # Command of the vehicle, and contact with it.
     yield (
         Event.PILOT,
         _armed_by_another(now) or (shows_strange_mode(now) and not _waits_for_pilot(now)),
@@ -324,7 +324,7 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
 
 
 def has_stopped(observed: Observed) -> bool:
-    """Whether the last cycle is so long ago that the autopilot may have stopped waiting for setpoints."""
+    """True if the last cycle is so long ago that the autopilot may have stopped waiting for setpoints."""
     return observed.dt_s >= observed.setpoint_timeout_s - LOSS_SPARE_S
 
 
@@ -342,7 +342,7 @@ def detail_of(event: Event, now: Moment) -> str:
 
 
 def fit(now: Moment) -> bool:
-    """Whether every readiness check passes and preflight refuses nothing."""
+    """True if every readiness check passes and preflight refuses nothing."""
     if now.refusals:
         return False
     rows = checks(now.observed, now.settings.autopilot, now.now_s)
@@ -393,11 +393,11 @@ _READ_TO_ENGAGE: Final[Mapping[type[Message], str]] = {
 
 
 _CHOSEN_IN: Final = frozenset({State.STANDING_BY, State.OUT_OF_CONTACT, State.HOLDING})
-"""States in which a pilot's choice of a mode of ours is no intervention, but the wish to engage."""
+"""States in which a pilot who chooses our mode wants to engage."""
 
 
 def shows_strange_mode(now: Moment) -> bool:
-    """Return whether HEARTBEAT shows a mode that guidance did not ask for."""
+    """Return whether HEARTBEAT shows a mode that guidance did not request."""
     state = now.stage.state
     mode = now.observed.mode
     autopilot = now.settings.autopilot
@@ -420,13 +420,13 @@ def shows_strange_mode(now: Moment) -> bool:
 
 
 def _armed_by_another(now: Moment) -> bool:
-    """Whether somebody armed it between the last HEARTBEAT before the start order and our request to arm."""
+    """True if the vehicle was armed after the last HEARTBEAT before the start order and before our own request."""
     arming = now.stage.state is State.ARMING
     return arming and not now.stage.may_be_armed and any(beat.armed for beat in now.observed.beats)
 
 
 def _waits_for_pilot(now: Moment) -> bool:
-    """Whether any mode is allowed, because the pilot's switch to the guided mode begins the game."""
+    """True if any mode is allowed, because the pilot's switch to the guided mode begins the game."""
     waiting = {State.STANDING_BY, State.OUT_OF_CONTACT}
     return now.stage.state in waiting and now.settings.engage_on is EngageOn.PILOT_MODE
 
@@ -496,7 +496,7 @@ def _guided(now: Moment) -> bool:
 
 
 def _is_armed(now: Moment) -> bool:
-    """Whether one HEARTBEAT shows it armed in the mode that was asked for."""
+    """True if the last HEARTBEAT shows the vehicle armed in the arming mode."""
     return now.observed.vehicle.armed and now.observed.mode is now.settings.autopilot.arming_mode
 
 

@@ -363,7 +363,7 @@ class Observed:
     def _is_player(
         self, reported_ned_m: Ned, report: messages.Aircraft, at_s: float, frame: LocalFrame
     ) -> bool:
-        """Whether a mate or an evader is where an aircraft is reported."""
+        """True if a mate or an evader is where an aircraft is reported."""
         evaders = (self.tracking.evader(report.received_s, name) for name in self._settings.evaders)
         players = [evader.position_ned_m for evader in evaders if evader is not None]
         players += [self._around(mate, at_s, frame).position_ned_m for mate in self.mates.values()]
@@ -548,7 +548,7 @@ class Echo:
 
     @property
     def foreign(self) -> bool:
-        """Whether the autopilot reports foreign setpoints."""
+        """True if the autopilot reports foreign setpoints."""
         return len(self.strange_s) == STRANGE_REPORTS
 
     def silent(self) -> None:

@@ -179,7 +179,7 @@ class Asking:
         return (self._settings.autopilot.set_mode(Mode.HOLD),)
 
     def _is_due(self, stage: Stage, observed: Observed, now_s: float, *, arms: bool) -> bool:
-        """Whether the state's requests are due now, for the first time or again."""
+        """True if the state's requests are due now, for the first time or again."""
         if arms and not stage.may_be_armed:
             return True
         if self._asked_s >= stage.since_s:

@@ -213,5 +213,5 @@ def state_words(state: State, *, airborne: bool) -> str:
 
 
 def is_done(order: Event, state: State) -> bool:
-    """Whether the order leads to this state, so that repeating it is harmless."""
+    """True if the order leads to this state, so that repeating it is harmless."""
     return any(event is order and after is state for (_, event), after in TRANSITIONS.items())

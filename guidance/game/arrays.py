@@ -48,7 +48,7 @@ class Library:
     """An array library, with the functions that the kernels need besides its own."""
 
     differentiates = False
-    """Whether it traces or differentiates: then every row takes every step, and derivatives must be finite."""
+    """True if it traces or differentiates: then every row takes every step, and derivatives must be finite."""
 
     def __init__(self, module: Any) -> None:  # noqa: ANN401 - a module has no type of its own
         self.module = module

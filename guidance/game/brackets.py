@@ -52,7 +52,7 @@ class MarginEdge(Protocol):
 
     @property
     def curved(self) -> bool:
-        """Whether a pose has the derivatives of the slope."""
+        """True if a pose has the derivatives of the slope."""
 
     @property
     def v(self) -> Real:

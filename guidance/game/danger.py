@@ -112,7 +112,7 @@ class Rivals(NamedTuple):
 
     @property
     def plain(self) -> bool:
-        """Whether it is the paper's game."""
+        """True if it is the paper's game."""
         alone = is_zero(self.capture) and is_zero(self.radius)
         return alone and self.wind is None and self.drift is None
 
@@ -164,7 +164,7 @@ class FollowedLine(NamedTuple):
 
     @property
     def curved(self) -> bool:
-        """Whether a pose has the derivatives of the slope."""
+        """True if a pose has the derivatives of the slope."""
         return False
 
     @property
@@ -191,7 +191,7 @@ class FollowedArc(NamedTuple):
 
     @property
     def curved(self) -> bool:
-        """Whether a pose has the derivatives of the slope."""
+        """True if a pose has the derivatives of the slope."""
         return False
 
     @property

@@ -68,7 +68,7 @@ class Extent:
 
     @property
     def is_point(self) -> bool:
-        """Whether the set is one point."""
+        """True if the set is one point."""
         return len(self.corners_m) == 1 and self.radius_m == 0.0
 
     def distance_m(self, target: Sequence[float], place: Sequence[float]) -> float:

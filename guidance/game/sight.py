@@ -33,7 +33,7 @@ class SeenLine(NamedTuple):
 
     @property
     def curved(self) -> bool:
-        """Whether a pose has the derivatives of the slope."""
+        """True if a pose has the derivatives of the slope."""
         return True
 
     def pose(self, xp: Library, position: Real) -> Pose:
@@ -87,7 +87,7 @@ class SeenArc(NamedTuple):
 
     @property
     def curved(self) -> bool:
-        """Whether a pose has the derivatives of the slope."""
+        """True if a pose has the derivatives of the slope."""
         return True
 
     def pose(self, xp: Library, position: Real) -> Pose:  # noqa: PLR0914

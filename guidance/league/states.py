@@ -63,7 +63,7 @@ class Arena(NamedTuple):
 
     @property
     def between_points(self) -> bool:
-        """Whether the game whose value counts is one between points, which a capture ends early."""
+        """True if the game whose value counts is one between points, which a capture ends early."""
         return self.valued != self.template.game
 
 

@@ -15,7 +15,7 @@ class EvaderPlayer(Protocol):
     """An evader that this process plays itself."""
 
     ready: bool
-    """Whether it can begin to play."""
+    """True if it can begin to play."""
 
     position_game_m: Enu | None
     """Its position in the game frame, None until it knows."""

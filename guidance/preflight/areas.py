@@ -1,4 +1,4 @@
-"""Whether our fence lies inside the areas of an uploaded fence.
+"""True if our fence lies inside the areas of an uploaded fence.
 
 Every area is a ring of corners, judged by even-odd as PX4 and ArduPilot judge it, so a ring may cross itself. A circle
 becomes a ring with so many corners that it hardly differs. The judgement is exact for rings: their edges are cut where

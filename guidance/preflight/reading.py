@@ -1,4 +1,4 @@
-"""What is read of the autopilot before a flight: its version, parameters, uploaded fence and rates, as `Facts`."""
+"""Reads from the autopilot before a flight: its version, parameters, uploaded fence and rates, as `Facts`."""
 
 import math
 from collections import deque
@@ -141,31 +141,31 @@ class PreflightMemory:
 
     @property
     def reading_fence(self) -> bool:
-        """Whether a download of the uploaded fence is under way."""
+        """True while the uploaded fence is being downloaded."""
         return not self._fence.over
 
     @property
     def fence_progress(self) -> str:
-        """How far the download of the uploaded fence is, in words."""
+        """Progress of the fence's download, in words."""
         return self._fence.progress
 
     @property
     def fence_known(self) -> bool:
-        """Whether the uploaded fence was read once, or refused."""
+        """True if the uploaded fence was read once, or refused."""
         return self._fence.found != Uploaded()
 
     @property
     def complete(self) -> bool:
-        """Whether the version and every parameter were read. The uploaded fence is read apart from them."""
+        """True if the version and every parameter were read. The uploaded fence is read separately."""
         return self._heard_version is not None and self.parameters_complete
 
     @property
     def parameters_complete(self) -> bool:
-        """Whether every parameter was read."""
+        """True if every parameter was read."""
         return all(name in self._parameters for name in self._names)
 
     def settled(self, now_s: float) -> bool:
-        """Whether reading is finished: everything is here, or the requests have waited too long for it."""
+        """True if everything was read, or if the requests have timed out."""
         if self._begun_s is None:
             return False
         if self.complete and self.fence_known:
@@ -174,7 +174,7 @@ class PreflightMemory:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What was not read yet, in words."""
+        """Missing values, in words."""
         missing = []
         if self._heard_version is None:
             missing.append("AUTOPILOT_VERSION")
@@ -188,7 +188,7 @@ class PreflightMemory:
     def facts(
         self, vehicle: VehicleState, now_s: float, other_beat: Heartbeat | None = None
     ) -> Facts:
-        """Return the facts at `now_s`, without telemetry that is too old to judge by.
+        """Return the facts at `now_s`, without telemetry that is too old.
 
         Args:
             vehicle: State from telemetry.

@@ -275,7 +275,7 @@ def _packages() -> Iterator[Finding]:
 
 
 def _calendar() -> Finding:
-    """Whether a time service keeps the system clock: signing and the evader's time stamps need the date."""
+    """True if a time service keeps the system clock: signing and the evader's time stamps need the date."""
     try:
         synchronized = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024)) != _TIME_ERROR
     except (AttributeError, OSError):

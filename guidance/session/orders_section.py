@@ -39,7 +39,7 @@ class Control(Section):
 
     @property
     def by_tls(self) -> bool:
-        """Whether orders arrive through a router that checks certificates."""
+        """True if orders arrive through a router that checks certificates."""
         return BY_TLS.fullmatch(self.endpoint) is not None
 
     def _faults(self) -> Iterator[str]:

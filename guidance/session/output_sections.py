@@ -60,7 +60,7 @@ class RosSection(Section):
 
     @property
     def by_tls(self) -> bool:
-        """Whether the router is reached by TLS."""
+        """True if the router is reached by TLS."""
         return BY_TLS.fullmatch(self.endpoint) is not None
 
     def faults_beside(self, zenoh: ZenohSection) -> Iterator[str]:

@@ -91,7 +91,7 @@ class Config(Extended):
 
     @property
     def on_ground_stations(self) -> bool:
-        """Whether ground stations see anything of guidance."""
+        """True if ground stations see anything of guidance."""
         return self.ground_station is not None or self.vehicle.announce
 
     @property

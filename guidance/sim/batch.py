@@ -76,7 +76,7 @@ class Batch(NamedTuple):
 
     @property
     def is_agreed(self) -> bool:
-        """Whether the pursuers see the evaders and know their true speeds, the same in all games of a kind."""
+        """True if the pursuers see the evaders and know their true speeds, the same in all games of a kind."""
         evader = self.kind.evader
         agreed = evader.believed_speed_m_s == evader.speed_m_s
         return self.kind.sensor == PERFECT and agreed

@@ -57,7 +57,7 @@ _SHARE_LEFT = 0.75
 """Finished games are removed from the arrays when this share or less is still running."""
 
 _STRAIGHT = 1e-9
-"""Change of velocity over the last step, as a share of the speed, up to which players fly straight on."""
+"""Change of velocity over the last step, as a share of the speed, below which players count as flying straight."""
 
 _NAMES = {end: end.name.lower() for end in End} | {End.NO_ANSWER: "failed"}
 LIMITS = ("fence", "floor", "ceiling")
@@ -261,7 +261,7 @@ def advance_held(
 
     Args:
         batch: The games.
-        moment: The present one, after `receive_due_reports`. A pursuer that hears nothing waits, whatever is asked for.
+        moment: The present one, after `receive_due_reports`. A pursuer without reports waits.
         ahead: Of the present moment.
         velocities: Velocities over the ground, (n, 3), m/s, and where the moment has one, the rate of turn.
         longest_s: Longest step, one number or (n,).
@@ -368,7 +368,7 @@ def _smooth_s(
 def _limit_s(
     batch: Batch, P: FloatArray, v: FloatArray, straight: NDArray[np.bool_], fastest_m_s: Real
 ) -> FloatArray:
-    """Return how long, (n,), until the pursuer may be at fence, floor or ceiling; at v if it flies straight on."""
+    """Return the time, (n,), until the pursuer may reach fence, floor or ceiling; at v if it flies straight."""
     out_m, outwards_m_s = _stretched(P[:, :2] - batch.home_m, v)
     height_m = P[:, 2]
     climb_m_s = v[:, 2]
@@ -428,7 +428,7 @@ def _mean_slope(batch: Batch, moment: BatchMoment, step_s: FloatArray, first: Sl
 def _slope(
     batch: Batch, moment: BatchMoment, P: FloatArray, E: FloatArray, first: Slope | None = None
 ) -> Slope:
-    """Return the players' velocities, and the turn; the pursuer sees the evader, or knows what it has received.
+    """Return the players' velocities, and the turn; the pursuer sees the evader, or has its reports.
 
     Args:
         batch: The games.
@@ -486,7 +486,7 @@ def chased(
 
 
 class View(NamedTuple):
-    """What the pursuers know: the games that they play, and position and velocity of the evaders, (n, 3)."""
+    """Knowledge of the pursuers: the games that they play, and position and velocity of the evaders, (n, 3)."""
 
     game: Game
     evader_m: FloatArray
@@ -494,7 +494,7 @@ class View(NamedTuple):
 
 
 def view_of(batch: Batch, moment: BatchMoment, E: FloatArray, run_m_s: FloatArray) -> View:
-    """Return what the pursuers know of evaders at E that run; late and noisy where the scenario has a sensor."""
+    """Return the pursuers' knowledge of evaders at E that run; late and noisy where the scenario has a sensor."""
     if moment.received is not None:
         knowledge = moment.received
         known_m, bound_m_s, age_s = extrapolated(

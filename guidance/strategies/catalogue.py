@@ -46,7 +46,7 @@ class Strategy:
 
     @property
     def is_own(self) -> bool:
-        """Whether it is a user's policy."""
+        """True if it is a user's policy."""
         return self.name not in PURSUER_STRATEGIES and self.name not in EVADER_STRATEGIES
 
 

@@ -49,7 +49,7 @@ class Stream:
     messages: int = 1
 
     def continues(self, now_s: float, epoch: int, number: int) -> bool:
-        """Whether a message is the next one, or one of the next."""
+        """True if a message is the next one, or one of the next."""
         largest_number = self.number + _NUMBERS + _NUMBERS_PER_S * max(0.0, now_s - self.heard_s)
         return epoch == self.epoch and self.number < number <= largest_number
 
@@ -60,7 +60,7 @@ class Stream:
         self.messages += 1
 
     def is_heard(self, now_s: float) -> bool:
-        """Whether its last message is recent."""
+        """True if its last message is recent."""
         return now_s - self.heard_s < TAKES_OVER_S
 
 
@@ -82,7 +82,7 @@ class Sender:
     _contents: OrderedDict[int, int] = field(default_factory=OrderedDict)
 
     def is_disputed(self, now_s: float) -> bool:
-        """Whether two senders use the key."""
+        """True if two senders use the key."""
         return now_s - self.disputed_s < ALONE_AFTER_S
 
     def refuses(self, now_s: float, epoch: int, number: int, content: int) -> str:

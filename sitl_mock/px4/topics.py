@@ -94,7 +94,7 @@ def vehicle_global_position(report: Report) -> Values:
 
 
 def vehicle_local_position_setpoint(report: Report) -> Values:
-    """What the position controller follows at this moment."""
+    """Present setpoint of the position controller."""
     setpoint = report.setpoint
     thrust = (_NAN, _NAN, _NAN)
     return (
@@ -168,7 +168,7 @@ def vehicle_status(report: Report) -> Values:
 
 
 def vehicle_land_detected(report: Report) -> Values:
-    """Whether it stands on the ground."""
+    """True if it stands on the ground."""
     down = report.commander.landed_state == 1
     moving = not report.state.on_ground
     return (
@@ -214,9 +214,9 @@ _CONTROLLED: Final[Mapping[str, frozenset[str]]] = {
     "TERMINATION": frozenset({"termination"}),
     "OFFBOARD": _HEIGHT | {"velocity", "acceleration", "offboard"},
 }
-"""What PX4 controls in each mode (``control_mode.cpp``); OFFBOARD with velocities."""
+"""Controlled quantities in each mode (``control_mode.cpp``); OFFBOARD with velocities."""
 _BY_DEFAULT: Final = _PLACE | {"acceleration"}
-"""In an external mode that has not said what it controls."""
+"""Of an external mode that has not declared any."""
 _CONTROLS: Final = (
     *("manual", "auto", "offboard", "position", "velocity", "altitude", "climb"),
     *("acceleration", "attitude", "rates", "allocation", "termination"),
@@ -225,7 +225,7 @@ _BY_POSITION: Final = frozenset({"altitude", "climb", "position", "velocity", "a
 
 
 def vehicle_control_mode(report: Report) -> Values:
-    """What PX4 controls now."""
+    """Quantities that PX4 controls now."""
     controlled = _CONTROLLED.get(report.commander.mode, _BY_DEFAULT)
     flags = tuple(name in controlled for name in _CONTROLS)
     return (report.boot_us, report.state.armed, bool(controlled & _BY_POSITION), *flags, 0)
@@ -247,11 +247,11 @@ _REQUIRED: Final[Mapping[str, int]] = {
     "mode_req_manual_control": 34119,
     "mode_req_other": 0,
 }
-"""What a multicopter's own modes need, as bits by the mode's number (read from PX4 v1.17.0)."""
+"""Requirements of a multicopter's own modes, as bits by the mode's number (read from PX4 v1.17.0)."""
 
 
 def failsafe_flags(report: Report) -> Values:
-    """What each mode needs, and what is missing."""
+    """Requirements of each mode, and those not met."""
     px4 = _px4(report)
     state = report.state
     missing = {need: need not in px4.met_needs for need in Need}
@@ -327,7 +327,7 @@ _RECEIVER: Final = 11468804
 
 
 def estimator_status_flags(report: Report) -> Values:
-    """What the estimator uses, on the ground and in the air."""
+    """Sources of the estimator, on the ground and in the air."""
     on_ground = report.state.body.on_ground
     used = _USED | (_USED_ON_GROUND if on_ground else _USED_IN_THE_AIR)
     names = [field.name for field in message_type("EstimatorStatusFlags").in_log_order[5:]]

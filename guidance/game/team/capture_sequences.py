@@ -1,7 +1,7 @@
 """Orders of captures with deadlines: which evaders each pursuer captures, one after the other, if they run as foreseen.
 
 An evader that keeps a slower velocity is captured by a straight flight. The sooner a pursuer is at one, the better for
-all that follows, because it could also stay with it. So the best order over a set of evaders is found from the best
+all that follows, because it could also stay with it. So the best sequence over a set of evaders is found from the best
 ones over its subsets (Held & Karp): of each set and its last evader only the earliest time counts. Evaders count that
 are captured before their deadlines. The sets of all pursuers are disjoint, and chosen to capture the most evaders.
 
@@ -25,25 +25,25 @@ from guidance.game.tad import guard_time
 from guidance.game.team.table import place_of, taken
 
 MOST: Final = 6
-"""Evaders of which all orders are compared. Of more, each pursuer in turn orders those that it can be at first."""
+"""Up to so many evaders, all sequences are compared. Of more, each pursuer in turn takes those it reaches first."""
 
 EARLY: Final = 0.02
-"""What a capture counts more, in captures, if it takes no time instead of all that is left to the deadline."""
+"""Extra worth, in captures, of an immediate capture over one at the deadline."""
 
 
 class Foreseen(NamedTuple):
-    """How evaders are foreseen to run: velocities (..., m, 3), m/s, and when they arrive, (..., m), s."""
+    """Predicted runs of the evaders: velocities (..., m, 3), m/s, and when they arrive, (..., m), s."""
 
     run_m_s: Array
     until_s: Array
 
 
 class CaptureSequences(NamedTuple):
-    """Where each pursuer begins, and what all capture.
+    """First evader of each pursuer, and the number of captures.
 
     Attributes:
-        first: number of the first evader of each pursuer's order, (b, n); −1 if it captures none.
-        captured: number of evaders in all orders, (b,).
+        first: number of the first evader of each pursuer's sequence, (b, n); −1 if it captures none.
+        captured: number of evaders in all sequences, (b,).
     """
 
     first: Array
@@ -51,7 +51,7 @@ class CaptureSequences(NamedTuple):
 
 
 class _Stage(NamedTuple):
-    """How sets of one size come from those with one evader less.
+    """Builds the sets of one size from those with one evader less.
 
     Attributes:
         source: number of the smaller set and its last evader, (states, size).
@@ -97,7 +97,7 @@ def _subsets(m: int) -> tuple[Array, ...]:
 
 
 class CaptureProblem(NamedTuple):
-    """What orders are made for, in b games of n pursuers and m evaders.
+    """Input of `sequence_captures`: b games of n pursuers and m evaders.
 
     Attributes:
         game: of every pair; its numbers are single or (b, n, m).
@@ -108,7 +108,7 @@ class CaptureProblem(NamedTuple):
         plays: which pursuers may capture which evaders, (b, n, m).
         holds: number of the evader whose capture each pursuer has promised, (b, n); −1 for none.
         bound: which pursuers have promised another capture after that, and take nothing before it, (b, n).
-        spare_s: least time by which a promise has to hold, s.
+        spare_s: least slack of a promise, s.
     """
 
     game: Game
@@ -123,7 +123,7 @@ class CaptureProblem(NamedTuple):
 
 
 def sequence_captures(scene: CaptureProblem) -> CaptureSequences:
-    """Return the orders that capture the most evaders in time, if these run as foreseen."""
+    """Return the sequences that capture the most evaders in time, if these run as foreseen."""
     if scene.plays.shape[-1] > MOST:
         return _one_by_one(scene)
     return _packed(*_worth_of_sets(scene))
@@ -136,7 +136,7 @@ class _Flown(NamedTuple):
         time_s: when the last evader is captured; infinite if one of the set is not captured in time.
         place_m: where the pursuer is then, (b, n, states, 3).
         first: the evader that is captured first.
-        worth: what the captures count.
+        worth: of the captures.
     """
 
     time_s: Array
@@ -146,7 +146,7 @@ class _Flown(NamedTuple):
 
 
 def _worth_of_sets(scene: CaptureProblem) -> tuple[Array, Array]:
-    """Return what the set of evaders of every bits counts for each pursuer, and its first evader, (b, n, 2ᵐ)."""
+    """Return the worth of every set of evaders (as bits) for each pursuer, and its first evader, (b, n, 2ᵐ)."""
     b, n, m = scene.plays.shape
     every = np.arange(m)
     worth = np.full((b, n, 1 << m), -np.inf)
@@ -182,7 +182,7 @@ def _worth_of_sets(scene: CaptureProblem) -> tuple[Array, Array]:
             before + _early(soonest_s, scene.foreseen.until_s[:, None, stage.last]),
         )
         _enter(worth, begin, stage.mask, flown)
-    # What a pursuer has promised is in its order
+    # A pursuer's sequence contains its promise
     held = _bits(scene.holds)[..., None]
     broken = (held > 0) & ((np.arange(1 << m) & held) == 0)
     broken[..., 0] = False
@@ -308,7 +308,7 @@ def _packed(worth: Array, first: Array) -> CaptureSequences:
 
 
 def _one_by_one(scene: CaptureProblem) -> CaptureSequences:
-    """Return orders that the pursuers choose one after the other, each among the evaders that it can be at first."""
+    """Return sequences that the pursuers choose one after the other, each among the evaders that it can reach first."""
     b, n, m = scene.plays.shape
     rows = np.arange(b)
     pairs_run_m_s = scene.foreseen.run_m_s[:, None]
@@ -324,15 +324,15 @@ def _one_by_one(scene: CaptureProblem) -> CaptureSequences:
         free = scene.plays[:, pursuer] & (~is_taken | own)
         score_s = np.where(own, -1.0, np.where(free, soonest_s[:, pursuer], np.inf))
         some = np.argsort(score_s, axis=-1, kind="stable")[:, :MOST]
-        best, first = _order_of_one(scene, pursuer, some, free)
+        best, first = _sequence_of_one(scene, pursuer, some, free)
         begins[:, pursuer] = np.where(first < 0, -1, taken(some, first))
-        in_order = (best[:, None] >> np.arange(MOST)) & 1 > 0
-        is_taken[rows[:, None], some] |= in_order
-        captured += in_order.sum(axis=-1)
+        in_sequence = (best[:, None] >> np.arange(MOST)) & 1 > 0
+        is_taken[rows[:, None], some] |= in_sequence
+        captured += in_sequence.sum(axis=-1)
     return CaptureSequences(begins, captured)
 
 
-def _order_of_one(
+def _sequence_of_one(
     scene: CaptureProblem, pursuer: int, some: Array, free: Array
 ) -> tuple[Array, Array]:
     """Return the best set of some evaders for one pursuer, as bits, and its first evader, (b,), among these.

@@ -262,7 +262,7 @@ class _Sides(NamedTuple):
 
     @property
     def needs_matching(self) -> bool:
-        """Whether a player's policy depends on the matching."""
+        """True if a player's policy depends on the matching."""
         has_rules_only = all(isinstance(policy, TeamRule) for policy in self.chase)
         return _OPTIMAL in self.flee or not has_rules_only
 

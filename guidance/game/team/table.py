@@ -44,7 +44,7 @@ from guidance.game.team.regions import (
 )
 
 FAR_M = 1e150
-"""How far an evader runs before a pursuer that does not play captures it; its square is finite."""
+"""Distance that an evader runs before a pursuer without a game captures it; its square is finite."""
 
 
 class Goal(NamedTuple):
@@ -57,7 +57,7 @@ class Goal(NamedTuple):
 
     @property
     def is_point(self) -> bool:
-        """Whether the target is a point."""
+        """True if the target is a point."""
         return self.extent.is_point
 
     def pick(self, rows: Any) -> "Goal":  # noqa: ANN401 - whatever indexes an array
@@ -100,7 +100,7 @@ class Goal(NamedTuple):
         return to_set(NUMPY, self.extent, (x, y))
 
     def beyond(self, reach: Array) -> Array:
-        """Return the distances, (..., k), m, of the target from what the evader reaches in runs of some length."""
+        """Return the distances, (..., k), m, of the target from the ends of the evader's runs of some length."""
         beyond_m = NUMPY.norm2(self.towards(reach)) - reach
         return np.asarray(np.maximum(beyond_m, 0.0))
 
@@ -148,7 +148,7 @@ class PursuerGames(NamedTuple):
 
 
 class Meeting(NamedTuple):
-    """What one or two pursuers guarantee, and where.
+    """Guarantee of one or two pursuers, and its place.
 
     Attributes:
         x: X* of their game, (...), from the evader, m.
@@ -514,7 +514,7 @@ def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
 
 
 def pairs_with(table: Table, first: Array) -> Meeting:
-    """Return what the first of each evader guarantees with each pursuer, (b, m, n); alone beside another's first."""
+    """Return the guarantee of each evader's first pursuer with each other, (b, m, n); alone beside another's first."""
     b, m, n = table.worth.shape
     every = np.arange(n)
     own_index = np.maximum(first, 0)[..., None]

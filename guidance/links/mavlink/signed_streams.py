@@ -76,7 +76,7 @@ class SignedStreams:
         self._thread: threading.Thread | None = None
 
     def may_use(self, stream: SignedStream, timestamp: int) -> bool:
-        """Whether a genuine frame may be used: the file bounds its timestamp. If not, it is written at once."""
+        """True if a genuine frame may be used: the file bounds its timestamp. If not, it is written at once."""
         with self._lock:
             self._latest[stream] = max(timestamp, self._latest.get(stream, 0))
             ahead = self._bounds.get(stream, -1) - timestamp

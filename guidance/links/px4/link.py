@@ -1,6 +1,6 @@
 """`VehicleLink` to PX4 over Zenoh: guidance is a flight mode there, and no MAVLink is needed to fly.
 
-What the loop reads has the same types as by MAVLink, made of PX4's own messages. Arming checks are answered on Zenoh's
+The loop reads the same types as over MAVLink, made from PX4's own messages. Arming checks are answered on Zenoh's
 thread by the last readiness, so that a busy loop does not delay them. Setpoints are sent only while PX4 flies in our
 mode: PX4 would fly them in other modes too. Commands are the mode's executor's while that is in charge.
 
@@ -90,10 +90,10 @@ _BESIDE: Final = (
     messages.GpsFix,
     messages.Aircraft,
 )
-"""What the MAVLink link beside this one brings; all else comes over Zenoh."""
+"""Messages from the MAVLink link beside this one; all others come over Zenoh."""
 
 _OF_BESIDE: Final = frozenset({"used_unsaved", "impostors", "unsigned", "refused"})
-"""Counters of the MAVLink link beside this one whose names people are told about."""
+"""Counters of the MAVLink link beside this one that are shown to people."""
 
 _ASKED_BESIDE: Final = frozenset({AUTOPILOT_VERSION, HOME_POSITION})
 
@@ -278,13 +278,13 @@ class Px4Link:
                 self.counts["unsent"] += 1
 
     def tend(self) -> None:
-        """Send what the mode has due; what arrived stays for `receive`."""
+        """Send the mode's due messages; arrivals stay for `receive`."""
         with self._lock:
             due = self.mode.due(self._clock())
         self._send_all(due)
 
     def receive(self) -> Sequence[messages.Message]:
-        """Return the messages since the last call, of positions the newest, and send what the mode has due."""
+        """Return the messages since the last call, of positions the newest, and send the mode's due messages."""
         if self._closed:
             return []
         self.tend()
@@ -348,7 +348,7 @@ class Px4Link:
         self.counts["setpoints_sent"] += 1
 
     def request(self, request: messages.Request) -> None:
-        """Send a command once. Parameters and the fence are asked for on the link beside, if there is one.
+        """Send a command once. Parameters and the fence are requested on the link beside, if there is one.
 
         Raises:
             ValueError: If it cannot be encoded.
@@ -382,7 +382,7 @@ class Px4Link:
             self._beside.request(request)
 
     def tell(self, readiness: Readiness) -> None:
-        """Answer arming checks by this from now on."""
+        """Set the readiness for answers to arming checks."""
         with self._lock:
             outgoing = self.mode.judge(readiness)
         self._send_all(outgoing)
@@ -445,7 +445,7 @@ class _Telemetry:
 
     Args:
         mode: Knows which mode is ours, and whether the vehicle is armed.
-        derives_home: Whether home is where the vehicle was last seen disarmed, because nobody tells it.
+        derives_home: Whether home is the vehicle's last place while disarmed, because no message reports it.
     """
 
     def __init__(self, mode: FlightMode, *, derives_home: bool) -> None:

@@ -54,7 +54,7 @@ _ERROR: Final = 0x33
 
 
 class Check(StrEnum):
-    """What keeps the mode from being entered, as the name of an event that ground stations show in words.
+    """Reason why the mode cannot be entered, as the name of an event that ground stations show in words.
 
     PX4's events have no free text. These are events of PX4 itself, whose words come nearest.
     """
@@ -82,7 +82,7 @@ MOST_CHECKS: Final = 5
 
 
 class Readiness(NamedTuple):
-    """Whether the mode may be entered.
+    """True if the mode may be entered.
 
     Attributes:
         judged_s: When that was judged.
@@ -113,7 +113,7 @@ class FlightMode:
 
     Args:
         name: In ground stations, 24 characters at most.
-        draw: Draws a number of 63 bits for each request, so that answers to others are told apart.
+        draw: Draws a number of 63 bits for each request, to recognize answers to others.
 
     Attributes:
         registration: The numbers that PX4 gave; None until it did.
@@ -151,25 +151,25 @@ class FlightMode:
 
     @property
     def entered(self) -> bool:
-        """Whether the vehicle flies in this mode now."""
+        """True if the vehicle flies in this mode now."""
         if self.registration is None or self.status is None:
             return False
         return bool(self.status.nav_state == self.registration.mode_id)
 
     @property
     def in_charge(self) -> bool:
-        """Whether PX4 takes commands from our executor."""
+        """True if PX4 takes commands from our executor."""
         if self.registration is None or self.status is None:
             return False
         return bool(self.status.executor_in_charge == self.registration.executor_id)
 
     @property
     def armed(self) -> bool:
-        """Whether the vehicle is armed; False before the first VehicleStatus."""
+        """True if the vehicle is armed; False before the first VehicleStatus."""
         return self.status is not None and bool(self.status.arming_state == ARMED)
 
     def due(self, now_s: float) -> list[Outgoing]:
-        """Return what is to be sent by now: the registration until it is answered, and a question for PX4's clock."""
+        """Return the messages due now: the registration until it is answered, and a question for PX4's clock."""
         outgoing = []
         if self.registration is None and now_s - self._register_s >= REGISTER_EVERY_S:
             self._register_s = now_s

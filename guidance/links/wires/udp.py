@@ -164,7 +164,7 @@ class AddressPins:
         return False
 
     def _may_take(self, now_s: float, address: _Address, system_id: int) -> bool:
-        """Whether an address may become a system's: there is none, it was silent, or it is the first one again."""
+        """True if an address may become a system's: there is none, it was silent, or it is the first one again."""
         pin = self._pins.get(system_id)
         if pin is None:
             return True

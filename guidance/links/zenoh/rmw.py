@@ -163,7 +163,7 @@ class RosPublisher:
 
     @property
     def watched(self) -> bool:
-        """Whether there is a subscriber."""
+        """True if there is a subscriber."""
         status: Any = self._publisher.matching_status  # an object; its stub says bool
         return bool(status.matching)
 

@@ -185,7 +185,7 @@ class CycleHooks:
 
     @property
     def finished(self) -> bool:
-        """Whether the loop is to end."""
+        """True if the loop is to end."""
         return False
 
     def before(self, now_s: float) -> None:

@@ -67,7 +67,7 @@ class OrderDesk:
 
     @property
     def reading(self) -> bool:
-        """Whether an engage order waits for parameters that are being read again."""
+        """True if an engage order waits for parameters that are being read again."""
         return self._engaging.asked_s is not None
 
     def take(self, now_s: float) -> tuple[Sequence[Question], Sequence[Question]]:

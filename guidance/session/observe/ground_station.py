@@ -219,7 +219,7 @@ class GroundStationOutput(Sink):
 
 
 def _ends_an_order(transition: Transition) -> bool:
-    """Whether a change of the state ends what was ordered before."""
+    """True if a change of the state ends what was ordered before."""
     ended = (
         transition.event in ORDERS_BY_COMMAND.values() or transition.after in HANDING_OVER | FINAL
     )

@@ -189,12 +189,12 @@ def refused(name: str, order: str, state: str, reason: str) -> Reply:
 
 
 def is_bad(answer: Reply) -> bool:
-    """Whether the answer stands for a reply that cannot be used."""
+    """True if the answer stands for a reply that cannot be used."""
     return bool(answer.get("state") == BAD_REPLY)
 
 
 def is_vehicle_name(name: str) -> bool:
-    """Whether a vehicle may have this name."""
+    """True if a vehicle may have this name."""
     return _NAME.fullmatch(name) is not None
 
 

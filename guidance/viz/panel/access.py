@@ -143,7 +143,7 @@ class Access:
         return 403 if protected and not is_same_origin else None
 
     def is_own_origin(self, request: web.Request, origin: str) -> bool:
-        """Whether a page of this origin is the panel's, by the host that the request names."""
+        """True if a page of this origin is the panel's, by the host that the request names."""
         return bool(request.host) and origin == f"{self.scheme}://{request.host}"
 
     def _door(self, request: web.Request, status: int, reason: str = "") -> web.Response:
@@ -210,7 +210,7 @@ class Access:
         return answer
 
     def is_late(self, address: str) -> bool:
-        """Whether an address sent a wrong password just now."""
+        """True if an address sent a wrong password just now."""
         return self.clock.now_s() < self._late_until_s.get(_network(address), 0.0)
 
     def note_wrong(self, address: str) -> None:
