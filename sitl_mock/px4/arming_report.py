@@ -78,17 +78,21 @@ _CHECKS: Final = (
         "check_modes_local_pos",
         _ERROR,
         _LOCAL_POSITION,
-        "No valid local position estimate",
+        "Navigation error: No valid position estimate",
     ),
     _Check(
         Need.GLOBAL_POSITION,
         "check_modes_global_pos",
         _ERROR,
         _GLOBAL_POSITION,
-        "No valid global position estimate",
+        "Navigation error: No valid global position estimate",
     ),
     _Check(
-        Need.ALTITUDE, "check_modes_local_alt", _CRITICAL, _SYSTEM, "No valid altitude estimate"
+        Need.ALTITUDE,
+        "check_modes_local_alt",
+        _CRITICAL,
+        _SYSTEM,
+        "Navigation error: No valid altitude estimate",
     ),
     _Check(Need.MISSION, "check_modes_mission", _INFO, _SYSTEM, "No valid mission available"),
     _Check(Need.STREAM, "check_modes_offboard_signal", _ERROR, _SYSTEM, "No offboard signal"),
@@ -98,7 +102,7 @@ _CHECKS: Final = (
 """In PX4's order. Without sticks it names every mode."""
 CHECK_TEXTS: Final = {
     **{check.event: check.text for check in _CHECKS},
-    "check_modes_cannot_takeoff": "Mode not suitable for takeoff",
+    "check_modes_cannot_takeoff": "Mode not suitable for arming",
     "check_external_modes_unavailable": "Mode is not registered",
     "check_external_modes_unresponsive": "Mode is unresponsive",
 }

@@ -82,10 +82,29 @@ EVENT_TEXTS: Final[Mapping[str, str]] = MappingProxyType(
         **{name: text for text, (name, _) in _NAMES.items()},
         "commander_armed_by": "Armed by {1}",
         "commander_disarmed_by": "Disarmed by {1}",
+        "commander_failsafe_enter_generic": "Failsafe activated: switching to {2}",
+        "commander_gcs_lost": "Connection to ground control station lost",
+        "commander_landing_prec_land": "Landing using precision landing",
+        "mavlink_mission_op_timeout": "Operation timeout, aborting transfer",
         "commander_mode_fallback_internal": "External mode is unresponsive, falling back to internal",
     }
 )
-"""Text of each event by its name; {1} is the first argument."""
+"""Text of each event by its name; {1} is the first argument. Some differ from the text beside the event."""
+FAILSAFE_ACTIONS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        1: "warning",
+        2: "Position mode",
+        3: "Altitude mode",
+        4: "Stabilized mode",
+        5: "Hold",
+        6: "RTL",
+        7: "Land",
+        8: "Descend",
+        9: "disarm",
+        10: "terminate",
+    }
+)
+"""Second argument of `commander_failsafe_enter_generic`."""
 ARMING_REASONS: Final[Mapping[int, str]] = MappingProxyType(
     {
         _BY_COMMAND: "external command",

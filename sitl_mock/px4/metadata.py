@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.protocols import file_crc
 from sitl_mock.px4.arming_report import CHECK_TEXTS
-from sitl_mock.px4.events import ARMING_REASONS, EVENT_TEXTS, fnv1a
+from sitl_mock.px4.events import ARMING_REASONS, EVENT_TEXTS, FAILSAFE_ACTIONS, fnv1a
 from sitl_mock.px4.modes import BY_NAME, NAV_STATES
 
 if TYPE_CHECKING:
@@ -93,9 +93,17 @@ def _parameters(listed: tuple[Parameter, ...]) -> bytes:
 def _events() -> bytes:
     """COMP_METADATA_TYPE_EVENTS: the text and the arguments of each event that the mock sends."""
     reason = {"type": "arm_disarm_reason_t", "name": "reason"}
+    action = (
+        {"type": "uint32_t", "name": "arg0"},
+        {"type": "failsafe_action_t", "name": "action"},
+    )
+    arguments = {
+        "commander_armed_by": (reason,),
+        "commander_disarmed_by": (reason,),
+        "commander_failsafe_enter_generic": action,
+    }
     events = [
-        _event(name, text, arguments=(reason,) if "{1}" in text else ())
-        for name, text in EVENT_TEXTS.items()
+        _event(name, text, arguments=arguments.get(name, ())) for name, text in EVENT_TEXTS.items()
     ]
     modes = {"type": "navigation_mode_group_t", "name": "modes"}
     component = {"type": "uint8_t", "name": "health_component_index"}
@@ -131,13 +139,8 @@ def _events() -> bytes:
             (number, name, name.replace("_", " ").capitalize())
             for number, name in enumerate(_COMPONENTS)
         ),
-        "arm_disarm_reason_t": {
-            "type": "uint8_t",
-            "entries": {
-                str(number): {"name": text.replace(" ", "_"), "description": text}
-                for number, text in ARMING_REASONS.items()
-            },
-        },
+        "arm_disarm_reason_t": _numbers(ARMING_REASONS),
+        "failsafe_action_t": _numbers(FAILSAFE_ACTIONS),
     }
     px4 = {
         "namespace": "px4",
@@ -167,6 +170,15 @@ def _event(
     if kind:
         described["type"] = kind
     return str(fnv1a(name) & 0xFFFFFF), described
+
+
+def _numbers(words: Mapping[int, str]) -> dict[str, Any]:
+    """Return what the values of a byte mean."""
+    entries = {
+        str(number): {"name": text.replace(" ", "_"), "description": text}
+        for number, text in words.items()
+    }
+    return {"type": "uint8_t", "entries": entries}
 
 
 def _bits(named: Iterable[tuple[int, str, str]]) -> dict[str, Any]:

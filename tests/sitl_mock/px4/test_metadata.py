@@ -9,6 +9,7 @@ from pyulog.libevents_parse.health_and_arming_checks import HealthAndArmingCheck
 from pyulog.libevents_parse.parser import Parser
 
 from sitl_mock.protocols import file_crc
+from sitl_mock.px4.events import event_of
 
 PARAMETERS = 1
 EVENTS = 4
@@ -89,6 +90,12 @@ def test_every_event_of_a_flight_has_words(fly, parser):
     assert "Disarmed by landing" in texts
     assert "Takeoff detected" in texts
     assert all(texts)
+
+
+def test_a_failsafe_says_what_px4_does(parser):
+    event = event_of(2, "Failsafe activated")
+    parsed = parser.parse(event.id, event.arguments)
+    assert parsed.message() == "Failsafe activated: switching to RTL"
 
 
 def test_the_report_says_in_words_where_px4_may_arm_and_why_not(fly, parser):
