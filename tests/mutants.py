@@ -421,10 +421,10 @@ class Judge:
         watch = coverage.Coverage(data_file=None, include=[path], config_file=False)
         watch.start()
         took_s = {}
-        for item in session.items:
+        for item, following in zip(session.items, [*session.items[1:], None], strict=True):
             watch.switch_context(item.nodeid)
             began_s = time.process_time()
-            loop.first_failure(session, [item])
+            session.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
             took_s[item.nodeid] = time.process_time() - began_s
         watch.stop()
         by_line = watch.get_data().contexts_by_lineno(path)

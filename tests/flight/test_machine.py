@@ -64,6 +64,16 @@ def test_a_preflight_refusal_prevents_readiness_and_ends_it():
     ] == []
 
 
+def test_a_start_is_judged_by_preflight_and_the_checks_of_its_own_cycle():
+    vehicle = Flown()
+    for name in ("refusals", "more"):
+        vehicle.cycles(1.1)
+        assert vehicle.state is State.READY
+        unfit = {"refusals": ("GF_ACTION",), "more": [status(vehicle.now_s, healthy=0)]}
+        vehicle.cycle(Event.START, **{name: unfit[name]})
+        assert vehicle.state is State.CHECKING
+
+
 def test_the_time_in_a_phase_counts_from_its_entry():
     vehicle = Flown()
     assert vehicle.cycle(silent=True).state is State.CONNECTING
