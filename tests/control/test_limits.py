@@ -38,7 +38,7 @@ def refusal(**keys):
         ),
         (
             {"fence_radius_m": None},
-            "limits.fence_radius_m: missing",
+            "limits.fence_radius_m: missing; give it or one of limits.fence_polygon_ne_m, limits.",
         ),
         ({"fence_polygon_deg": ()}, "limits.fence_polygon_deg has 0 corners: needs at least 3"),
         (
