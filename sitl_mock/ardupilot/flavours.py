@@ -86,7 +86,7 @@ _NAMES: Final = {
 }
 
 
-def _files_of(parameters: ParameterStore, plans: PlanStore, storage: Storage) -> FileTree:
+def ardupilot_files(parameters: ParameterStore, plans: PlanStore, storage: Storage) -> FileTree:
     """Return the files of one vehicle."""
     hidden: dict[str, Callable[[str], bytes]] = {
         "@PARAM/param.pck": partial(packed_parameters, parameters),
@@ -259,7 +259,7 @@ ARDUCOPTER: Final = Flavour(
     fix_type=6,
     pack=ARDUPILOT_PACK,
     sensors=ARDUPILOT_SENSORS,
-    files=_files_of,
+    files=ardupilot_files,
     withheld=_WITHHELD,
     trusted_links=_TRUSTED_LINKS,
 )
@@ -286,7 +286,7 @@ ROVER_FLAVOUR: Final = Flavour(
     fix_type=6,
     pack=ARDUPILOT_PACK,
     sensors=ARDUPILOT_SENSORS,
-    files=_files_of,
+    files=ardupilot_files,
     withheld=_WITHHELD,
     trusted_links=_TRUSTED_LINKS,
     ground_vehicle=True,

@@ -142,7 +142,7 @@ def compare_log(
         log: Commands and velocities of the real vehicle.
         flavour: Whose mock answered.
         mock_velocity_ned_m_s: The mock's answers to the same commands, (rows, 3).
-        guessed_by: What told the flavour, empty where it was given.
+        guessed_by: Evidence for the flavour; empty if it was given.
     """
     mock = mock_velocity_ned_m_s
     segments = []

@@ -117,7 +117,7 @@ class MissionFlight:
         ends_for_good: A finished mission has no present item until it is replaced, an item is chosen, or the vehicle
             has been disarmed (PX4); else it starts again at its first item.
         begun: It has been started since the mode or arming began.
-        landing_told: Its end by a landing has been reported (PX4).
+        landing_reported: Its end by a landing has been reported (PX4).
         valid: There is a mission, and it passed the checks after its upload (PX4).
         clocked: Positions count as reached at `due_s`, according to the planned motion, and LOITER_TURNS is flown
             (ArduCopter).
@@ -137,7 +137,7 @@ class MissionFlight:
     climbs_first: bool = False
     ends_for_good: bool = False
     begun: bool = False
-    landing_told: bool = False
+    landing_reported: bool = False
     valid: bool = False
     clocked: bool = False
     conditions: bool = False
@@ -222,7 +222,7 @@ class MissionFlight:
         self._revision = revision
         self._flown_revision = revision
         self._rested = False
-        self.landing_told = False
+        self.landing_reported = False
         self.over = ""
         self._forget_progress()
         self._stay = None

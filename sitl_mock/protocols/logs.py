@@ -77,17 +77,17 @@ class LogProtocol:
         self._rules = rules
         self._is_armed = is_armed
         self._listed = not rules.list_first
-        self._told = False
+        self._announced = False
         self._part: _Part | None = None
 
     def handle(self, _now_s: float, message: Message) -> list[Reply]:
         """Take any message of the log protocol."""
         if self._rules.disarmed_only and self._is_armed():
-            if self._told:
+            if self._announced:
                 return []
-            self._told = True
+            self._announced = True
             return [("STATUSTEXT", _ERROR, "Disarm for log download", 0, 0)]
-        self._told = False
+        self._announced = False
         kind = message.get_type()
         if kind == "LOG_REQUEST_LIST":
             logs = self._book.logs

@@ -123,8 +123,8 @@ class Results(NamedTuple):
 class ArmingReport:
     """The reports of one vehicle."""
 
-    _told: Results | None = None
-    _told_s: float = -math.inf
+    _reported: Results | None = None
+    _reported_s: float = -math.inf
 
     def update(self, now_s: float, px4: Checked, *, force: bool = False) -> list[Event]:
         """Return the events of a report if one is due.
@@ -134,13 +134,13 @@ class ArmingReport:
             px4: Whose checks.
             force: Report even if nothing has changed.
         """
-        if now_s < self._told_s + REPORTED_EVERY_S and not force:
+        if now_s < self._reported_s + REPORTED_EVERY_S and not force:
             return []
         results = arming_results(px4)
-        if results == self._told and not force:
+        if results == self._reported and not force:
             return []
-        self._told = results
-        self._told_s = now_s
+        self._reported = results
+        self._reported_s = now_s
         summary = _SUMMARY(0, results.errors, results.warnings, results.can_arm, results.can_run)
         health = _HEALTH(0, _HEALTHY, 0, 0)
         return [

@@ -26,11 +26,11 @@ _SIDE_S: Final = 3.75
 
 
 def _progress(kind: str, steps: tuple[int, ...], done_s: float) -> tuple[Line, ...]:
-    told = tuple(
+    reported = tuple(
         (0.05 + _STEP_S * number, _INFO, f"progress <{share}>")
         for number, share in enumerate(steps)
     )
-    return (*told, (done_s, _INFO, f"calibration done: {kind}"))
+    return (*reported, (done_s, _INFO, f"calibration done: {kind}"))
 
 
 _STILL: Final = (

@@ -116,7 +116,7 @@ class Px4:
         self._by_executor = False
         self._report = ArmingReport()
         self._monitored_s = -math.inf
-        self.told_control: Any = None
+        self.external_control: Any = None
         self._completed_s = -math.inf
         self._foreign_share = 0.0
         self._foreign = Setpoint(Kind.BRAKE)
@@ -209,7 +209,7 @@ class Px4:
         return reasons
 
     def needs_of(self, mode: str) -> frozenset[Need]:
-        """Return what a mode needs: by the table, or as the program behind it has told."""
+        """Return what a mode needs: by the table, or as the program behind it has declared."""
         return self.verdict.needs.get(mode, BY_NAME[mode].needs)
 
     # Inputs
@@ -242,7 +242,7 @@ class Px4:
             if mode is NotAMode.REFUSED:
                 self.state.say(Severity.CRITICAL, "Unsupported auto mode")
             return mode is NotAMode.IGNORED
-        return self.request(now_s, mode, is_told=False)
+        return self.request(now_s, mode, with_text=False)
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
         """Take a setpoint: proof of life in every mode, flown in OFFBOARD only."""
@@ -310,20 +310,20 @@ class Px4:
         """Take the pilot's mode switch."""
         self.request(now_s, mode)
 
-    def request(self, now_s: float, mode: str, *, is_told: bool = True) -> bool:
+    def request(self, now_s: float, mode: str, *, with_text: bool = True) -> bool:
         """Request a mode: always granted while disarmed, otherwise only if it can run.
 
         Args:
             now_s: The present time.
             mode: Its name.
-            is_told: A refusal has a text; DO_SET_MODE has an answer only.
+            with_text: A refusal has a text; DO_SET_MODE has an answer only.
         """
         if self.mode == "TERMINATION":
             return False
         mode = self.external.internal(mode)
         self.look()
         if self.state.armed and mode != "LAND" and not self.can_run(mode):
-            if is_told and now_s > self._refused_s + _REPORTED_AGAIN_S:
+            if with_text and now_s > self._refused_s + _REPORTED_AGAIN_S:
                 # At most once a second.
                 self._refused_s = now_s
                 name = TITLES.get(mode, mode.replace("_", " ").title())
@@ -396,10 +396,10 @@ class Px4:
             self._foreign_share -= 1.0
             setpoint = self._foreign
         # What a control mode from outside leaves of the setpoint.
-        if self.told_control is not None:
-            if not self.told_control.flag_armed:
+        if self.external_control is not None:
+            if not self.external_control.flag_armed:
                 setpoint = _STOPPED
-            elif not self.told_control.flag_multicopter_position_control_enabled:
+            elif not self.external_control.flag_multicopter_position_control_enabled:
                 # The last attitude, about level.
                 setpoint = Setpoint(Kind.DIRECT, acceleration_ned_m_s2=ZERO)
         self.ground.notice_lifting(state, now_s, setpoint)

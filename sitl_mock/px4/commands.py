@@ -219,7 +219,7 @@ def _set_state(px4: Px4, now_s: float, command: Command) -> Answers:
     mode = NAME_OF.get(int(number + 0.5)) if 0.0 <= number < 256.0 else None
     if mode is None:  # disarmed PX4 takes any number
         return _granted(not px4.state.armed)
-    return _granted(px4.request(now_s, mode, is_told=False))
+    return _granted(px4.request(now_s, mode, with_text=False))
 
 
 def _takeoff(px4: Px4, now_s: float, command: Command) -> Answers:

@@ -100,14 +100,14 @@ class ExternalMode:
         replaces: Number of the internal mode that it replaces, -1 for none.
         check: Number of its arming check.
         executor: Number of the executor that owns it, -1 for none.
-        fallback_told: PX4 has reported that the internal mode is flown instead.
+        fallback_reported: PX4 has reported that the internal mode is flown instead.
     """
 
     name: str
     replaces: int
     check: int = _NONE
     executor: int = _NONE
-    fallback_told: bool = False
+    fallback_reported: bool = False
 
 
 class ArmingVerdict(NamedTuple):
@@ -251,8 +251,8 @@ class ExternalModes:
         """Yield, once, the event that an internal mode is flown because its replacement does not respond."""
         for registered in self.modes.values():
             silent = registered.replaces == STATE_OF[mode] and self._is_silent(registered)
-            if silent and not registered.fallback_told:
-                registered.fallback_told = True
+            if silent and not registered.fallback_reported:
+                registered.fallback_reported = True
                 yield Event(event_id("commander_mode_fallback_internal"), _CRITICAL, bytes(40))
 
     def verdict(self, intended: str) -> ArmingVerdict:

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from sitl_mock.vehicle.state import VehicleState
 
 
-def _files_of(parameters: ParameterStore, _plans: PlanStore, storage: Storage) -> FileTree:
+def px4_files(parameters: ParameterStore, _plans: PlanStore, storage: Storage) -> FileTree:
     """Return the files of one vehicle."""
     return FileTree(
         metadata.metadata_files(parameters),
@@ -134,7 +134,7 @@ PX4: Final = Flavour(
     texts=None,
     text_as_sent=with_tab,
     event_of=event_of,
-    files=_files_of,
+    files=px4_files,
     metadata=lambda parameters: (f"mftp://{metadata.GENERAL}", metadata.general_crc(parameters)),
     own_id_only=PX4_OWN_ID_ONLY,
     broadcast=PX4_BROADCAST,

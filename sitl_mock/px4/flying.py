@@ -30,7 +30,7 @@ class ModePlan:
         follow: State of follow-me.
         stick_m_s: Velocity (north, east) reached by the sticks, None while they are centred.
         stick_place_m: Position (north, east) held while only the throttle stick is moved, otherwise None.
-        completed: The navigator has told that the mode is finished.
+        completed: The navigator has reported that the mode is finished.
     """
 
     entered_m: Vector

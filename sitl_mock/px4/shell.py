@@ -176,14 +176,14 @@ def commander(report: Report, arguments: Sequence[str]) -> Answer:
         now_s = report.boot_us * 1e-6
         intended = state_of(report.commander.intended_mode)
         names = dict(NAV_STATES.values())
-        told = (
+        lines_of_result = (
             "Armed" if report.state.armed else "Disarmed",
             f"navigation mode: {NAV_STATES[report.commander.mode][1]}",
             f"user intended navigation mode: {names[intended]}",
             f"in failsafe: {'yes' if report.commander.system_status == 5 else 'no'}",
         )
         counted = (("cycle", _CYCLES_HZ), ("preflight check", _CHECKS_HZ))
-        lines = [f"INFO  [commander] {line}\n" for line in told]
+        lines = [f"INFO  [commander] {line}\n" for line in lines_of_result]
         for name, rate_hz in counted:
             events = int(now_s * rate_hz)
             lines.append(

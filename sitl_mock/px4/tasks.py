@@ -83,8 +83,8 @@ def _mission(px4: Px4) -> Setpoint:
         if not state.on_ground:
             state.say(Severity.INFO, "Mission finished, loitering")
         _go_on(px4, "mission finished")
-    elif flight.over == "landed" and not flight.landing_told:
-        flight.landing_told = True
+    elif flight.over == "landed" and not flight.landing_reported:
+        flight.landing_reported = True
         state.say(Severity.INFO, "Mission finished, landed")
     down_again = state.on_ground and state.flew and (flight.over or flight.landing)
     return _IDLING if down_again else setpoint

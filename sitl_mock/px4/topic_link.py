@@ -125,7 +125,7 @@ class _Stream:
         self._said = said
         self._at_us = report.boot_us + self._every_us
         if self.name == "vehicle_control_mode":
-            cast("Px4", report.commander).told_control = None
+            cast("Px4", report.commander).external_control = None
         return [self._sample(values)]
 
     def due(self, report: Report) -> list[bytes]:
@@ -253,7 +253,7 @@ def _obey(px4: Px4, now_s: float, topic: str, message: Any) -> bool:  # noqa: AN
             px4.external.take(topic, message)
         case "config_control_setpoints":
             # VehicleControlMode is in force until PX4 publishes its own again.
-            px4.told_control = message
+            px4.external_control = message
             px4.external.out.append(("vehicle_control_mode", message._asdict()))
         case "goto_setpoint":
             # It must be cut to 44 bytes, since PX4 drops a whole one.

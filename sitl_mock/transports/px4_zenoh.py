@@ -119,15 +119,15 @@ class Px4ZenohEndpoint:
 
     def _open(self) -> None:
         """Connect to the router, in a thread of its own, and declare everything."""
-        told = False
+        is_reported = False
         while not self._closing.is_set():
             try:
                 session = zenoh.open(
                     configuration("client", self._endpoint, connect=True, keys=self._keys)
                 )
             except zenoh.ZError:
-                if not told:
-                    told = True
+                if not is_reported:
+                    is_reported = True
                     sys.stderr.write(
                         f"no Zenoh router at {self._endpoint}; PX4's topics wait and try again "
                         f"every {_RETRY_S:g} s\n"

@@ -178,7 +178,7 @@ def solve_team(
     game, P, others = _broadcast(team_game, P, others)
     with np.errstate(all="ignore"):
         team = _team(game, P, others)
-        play = _chase if target is None else _defence
+        play = pursuit_of_team if target is None else defence_of_team
         answer, best = play(team, others["evader"], _best_pair(team))
         won = answer.winner > 0
         answer = answer._replace(multipliers=_multipliers_of_won(team, best, won))
@@ -267,7 +267,7 @@ def _run_to(
     lost_others["target"] = point_m[lost]
     team = _team(lost_games, P[lost], lost_others)
     with np.errstate(all="ignore"):
-        run, _ = _defence(team, lost_others["evader"], _best_pair(team))
+        run, _ = defence_of_team(team, lost_others["evader"], _best_pair(team))
     return run
 
 
@@ -279,7 +279,9 @@ def _best_pair(team: PursuerGames) -> Meeting:
     return Meeting(*(part[best] for part in pairs))
 
 
-def _defence(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
+def defence_of_team(
+    team: PursuerGames, evader: Array, best: Meeting
+) -> tuple[TeamSolution, Meeting]:
     """Play TAD: see `solve_team`.
 
     Args:
@@ -304,8 +306,10 @@ def _defence(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolu
     return answer._replace(winner=winner), best
 
 
-def _chase(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
-    """Play PE: see `solve_team` and `_defence`."""
+def pursuit_of_team(
+    team: PursuerGames, evader: Array, best: Meeting
+) -> tuple[TeamSolution, Meeting]:
+    """Play PE: see `solve_team` and `defence_of_team`."""
     run = longest_run(team)
     is_bracket = run.worth <= best.worth * (1.0 - _ROUNDING)
     best = placed(team, evader, NUMPY.select_all(is_bracket, run, best))
