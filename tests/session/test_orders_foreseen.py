@@ -1,5 +1,6 @@
 """The status predicts the answer to every order, and log and record name the sender of an order."""
 
+import getpass
 import re
 
 import pytest
@@ -7,7 +8,16 @@ import pytest
 from guidance.flight import ORDERS, State
 from guidance.log.entries import ORDERED
 from guidance.log.writer import Record
-from guidance.session.orders.words import LONGEST_NAME, WORDS, name_in
+from guidance.session.orders.mailbox import ANSWER_LIMIT_S
+from guidance.session.orders.words import (
+    LONGEST_NAME,
+    REPLY_TIMEOUT_S,
+    TEAM_ANSWER_LIMIT_S,
+    TEAM_TIMEOUT_S,
+    WORDS,
+    name_in,
+    own_name,
+)
 
 
 class KeptRecord(Record):
@@ -122,3 +132,17 @@ def test_who_gave_an_order_is_kept_in_log_and_record_with_what_was_answered(base
 )
 def test_a_name_from_the_wire_is_printable_and_bounded(data, name):
     assert name_in(data) == name
+
+
+@pytest.mark.parametrize("error", [KeyError, OSError])
+def test_a_user_without_a_name_is_named_by_the_program(monkeypatch, error):
+    def getuser():
+        raise error
+
+    monkeypatch.setattr(getpass, "getuser", getuser)
+    assert own_name("ctl") == "ctl"
+
+
+def test_who_waits_for_a_team_waits_longer_than_its_vehicles_may_take_twice():
+    assert ANSWER_LIMIT_S < TEAM_ANSWER_LIMIT_S < REPLY_TIMEOUT_S
+    assert TEAM_TIMEOUT_S >= 2.0 * TEAM_ANSWER_LIMIT_S + 1.0
