@@ -16,7 +16,7 @@ from guidance.frames import Ned
 from guidance.log import cycles_of, reports_of, scan
 from guidance.log.codec import Codec, form_of
 from guidance.log.entries import CYCLE, EVENT, REPORT, Item
-from guidance.log.scene import FIX, POSE, SCENE, SCENE_EVERY_S, disc, time_of
+from guidance.log.scene import FIX, POSE, POSE_EVERY_S, SCENE, disc, time_of
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 
 SCHEMAS = {
@@ -176,7 +176,7 @@ def test_the_map_shows_both_reported_positions_ten_times_a_second(flight):
     for places in fixes.values():
         times_s = [stamp["sec"] + 1e-9 * stamp["nsec"] for stamp, *_ in places]
         apart_s = (times_s[-1] - times_s[0]) / (len(times_s) - 1)
-        assert 0.9 * SCENE_EVERY_S <= apart_s <= 0.25
+        assert 0.9 * POSE_EVERY_S <= apart_s <= 0.25
 
 
 def test_the_scene_shows_the_positions_of_the_certificate(flight):
