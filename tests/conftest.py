@@ -5,7 +5,6 @@ A share of them by default, all in the profile `all`; `HYPOTHESIS_PROFILE=search
 
 import contextlib
 import gc
-import itertools
 import os
 import re
 import resource
@@ -27,7 +26,9 @@ from tests.harness.starved import Waiting
 STARVED = "starved"
 WAITING = pytest.StashKey[Waiting]()
 SINCE_S = pytest.StashKey[float]()
-OPTIONAL = {"PIL", "cyclonedx", "filterpy", "mkdocs", "mutmut", *itertools.chain(*EXTRAS.values())}
+OPTIONAL = {"PIL", "coverage", "cyclonedx", "filterpy", "libcst", "mkdocs", "mutmut"}.union(
+    *EXTRAS.values()
+)
 """Packages that `python -m tests` does without; `python -m tests all` needs them."""
 REAL = {"asyncio", "running", "slow", "socket", "subprocess", "threading", "time", "zenoh"}
 """Marks of a test, or names in its module, that let it wait for real time, another process or a socket."""
