@@ -19,7 +19,7 @@ from pathlib import Path
 from tests import mutants
 from tests.__main__ import FIRST, LONGER, PYTEST, ROOT, SHORT, STEPS, Step, cache_of, run
 
-WITHIN_S = 40.0
+WITHIN_S = 25.0
 """Processor time of the tests, beside the checks."""
 
 LINE_S = 0.002
