@@ -193,3 +193,12 @@ def test_a_hold_of_a_vehicle_in_our_own_mode_is_waited_for_and_choosing_the_mode
     flown.cycle(beat=True)
     assert flown.state is State.HOLDING
     assert flown.flight.leaving_modes == ()
+
+
+def test_every_cycle_names_the_transition_that_led_to_its_state():
+    flown = Flown()
+    assert flown.cycle(silent=True).cause is None
+    flown.engaged()
+    cause = flown.cycle().cause
+    assert cause is not None
+    assert (cause.event, cause.after) == (flown.flight.cause.event, State.ENGAGED)
