@@ -22,7 +22,7 @@ from dataclasses import replace
 from rich.console import Console
 from rich.table import Table
 
-from guidance.cycle.monitor import Violation
+from guidance.autopilots import AUTOPILOTS
 from guidance.flight import FlightSettings
 from guidance.frames import Ned
 from guidance.messages import Setpoint
@@ -33,11 +33,12 @@ from tests.harness.chase import Chased, altered, chase, hover_chase
 Change = Callable[[FlightSettings], FlightSettings]
 
 WANTED: Mapping[str, Mapping[tuple[float, float], float]] = {
-    "px4": {(6.0, 3.0): 1.06, (8.0, 4.0): 1.19},
+    "px4": {(6.0, 3.0): 1.06, (8.0, 4.0): 1.16},
     "arducopter": {(6.0, 3.0): 1.07, (8.0, 4.0): 1.12},
 }
 """Largest allowed flown time over value, by autopilot and the speeds of both players."""
 
+ABOVE_THE_BOUND = 1.03
 ABOVE_THE_FASTEST = 1.04
 """Largest allowed flown time over that of the fastest descent."""
 
@@ -47,9 +48,6 @@ ABOVE_LEVEL = 1.16
 STEADY_M_S = (0.9, 1.0, 1.1, 1.2, 1.3, 1.5)
 """Descent rates of the flights among which the fastest is sought. A vehicle that descends flies more slowly over the
 ground: PX4's mock reaches 8.7 m/s level, 8.2 m/s at a rate of 0.75 m/s, and 7.6 m/s at 1.45 m/s."""
-
-HONEST = {Violation.TOO_SLOW}
-"""A vehicle that does not reach its speed says so, and promises the time that it needs."""
 
 HEIGHT_M = 0.2
 STATION_M = 0.5
@@ -196,8 +194,20 @@ def _figures(
     )
     yield "off the disc's height on station, m", HEIGHT_M, max(row.worst_height_m for row in rows)
     yield "off the rim on station, m", STATION_M, max(row.worst_reported_m for row in rows)
-    broken = [alarm for row in rows for _, alarm in row.alarms if alarm.violation not in HONEST]
-    yield "alarms of a broken promise", 0.0, float(len(broken))
+    yield "alarms", 0.0, float(max(len(row.alarms) for row in rows))
+    strictly = [chase(scenario, change=strict) for scenario in scenarios]
+    closing_m_s = u - v
+    ground_m_s2 = AUTOPILOTS[autopilot].handling.acceleration.ground_m_s2
+    over = [
+        row.flown_s / (row.value_s + u * u / (2.0 * ground_m_s2 * closing_m_s)) for row in strictly
+    ]
+    yield "limits at the game's speeds: flown / (V + u²/2a(u-v))", ABOVE_THE_BOUND, max(over)
+    yield (
+        "the same: largest command, m/s",
+        u + 1e-9,
+        max(row.largest_command_m_s for row in strictly),
+    )
+    yield "the same: alarms", 0.0, float(max(len(row.alarms) for row in strictly))
     fastest = [
         min(chase(scenario, send=steady(rate_m_s)).flown_s for rate_m_s in STEADY_M_S)
         for scenario in scenarios

@@ -55,8 +55,7 @@ APART_M_S: Final = 1.5
 
 BARRED_S: Final = 12.0
 
-RISEN_M: Final = 3.5
-"""Most that a vehicle rises after an order in its climb: PX4 first reaches 2.4 m/s, and needs 2 s to stop there."""
+RISEN_M: Final = 2.5
 
 UNSAFE: Final[Mapping[str, tuple[tuple[str, float], ...]]] = {
     "px4": (("COM_OF_LOSS_T", 4.0), ("COM_OBL_RC_ACT", 7.0), ("GF_ACTION", 0.0), ("GF_MAX_VER_DIST", 3.0)),
