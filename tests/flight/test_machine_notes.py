@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from guidance.autopilots import PX4, Mode
+from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import Authority, Event, Flight, Inputs, State
 from guidance.flight.settings import Transition
+from guidance.strategies import Strategy
 from tests.flight.flown import Flown
-from tests.flight.scenes import HOME_DOWN_M, NOW_S, home, settings_of
+from tests.flight.scenes import CYCLE, HOME_DOWN_M, NOW_S, home, settings_of
 
 
 class Evader:
@@ -202,3 +203,39 @@ def test_every_cycle_names_the_transition_that_led_to_its_state():
     cause = flown.cycle().cause
     assert cause is not None
     assert (cause.event, cause.after) == (flown.flight.cause.event, State.ENGAGED)
+
+
+class ByPolicy(Flown):
+    """A flight of a user's policy, or of its recorded answer."""
+
+    def __init__(self, ask=None, recorded=None):
+        super().__init__(settings_of(cycle=replace(CYCLE, policy=Strategy("anywhere:chase"))))
+        self.flight = Flight(self.flight.settings, ask)
+        self.recorded = recorded
+
+    def inputs(self, *read):
+        return super().inputs(*read)._replace(answer=self.recorded)
+
+
+def test_every_cycle_tells_the_answer_of_the_users_policy_and_the_record_flies_the_same():
+    answer = (0.5, -0.5, 0.25)
+    asked = ByPolicy(lambda _observation: answer).engaged()
+    replayed = ByPolicy(recorded=answer).engaged()
+    flown = asked.cycles(0.2)
+    assert {output.answer for output in flown} == {answer}
+    assert [output.setpoint for output in replayed.cycles(0.2)] == [
+        output.setpoint for output in flown
+    ]
+    assert asked.cycle(Event.HOLD).answer is None
+
+
+def test_a_vehicle_that_climbs_in_the_guided_mode_gets_a_hover_until_it_has_left_it():
+    flown = Flown(settings_of(ARDUCOPTER)).climbing()
+    assert flown.mode is Mode.GUIDED
+    assert flown.cycle(Event.HOLD).setpoint is not None
+
+
+def test_a_second_source_that_is_allowed_is_told_also_in_the_first_cycle(monkeypatch):
+    flown = Flown(settings_of(hold_on_rival=False))
+    monkeypatch.setattr(flown.flight.tracking, "rival", lambda _now_s: "place")
+    assert Event.RIVAL in {transition.event for transition in flown.cycle().transitions}
