@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
@@ -426,15 +427,40 @@ def test_an_evader_that_runs_along_with_its_target_is_not_claimed_too_early():
     assert not is_broken(drawn, played)
 
 
+def margin_at_disc_height(radius_m, pursuer_m, pursuer_m_s, evader_m, evader_m_s):
+    game = replace(GAME, target_extent=Extent(radius_m=radius_m))
+    height_m = Enu((0.0, 0.0, GAME.standoff.height_m))
+    gaps = gaps_to_disc(ned_from_game(pursuer_m + height_m), ned_from_game(evader_m), GAME.standoff)
+    players = Players(pursuer_m + height_m, pursuer_m_s, evader_m, evader_m_s, TARGET, gaps, 0.0)
+    return certify(game, players, FULL, None).certificate.vehicle_margin_s
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 0.5, 1.5])
+@pytest.mark.parametrize("radius_m", [0.0, 15.0])
+def test_the_margin_does_not_jump_while_a_vehicle_flies_past_its_target(radius_m, aside_m):
+    """Catches a vehicle that counts as arrived while it is too fast: 0.6 s were lost between two cycles."""
+    evader_m = Enu((0.0, 40.0, 0.0))
+    evader_m_s = Enu((0.0, -3.0, 0.0))
+    margins_s = []
+    for cycle in range(60):
+        pursuer_m = Enu((aside_m, radius_m + 6.0 - 6.3 * cycle * PERIOD_S, 0.0))
+        pursuer_m_s = Enu((0.0, -6.3, 0.0))
+        margins_s.append(
+            margin_at_disc_height(radius_m, pursuer_m, pursuer_m_s, evader_m, evader_m_s)
+        )
+        evader_m += evader_m_s * PERIOD_S
+    jumps_s = [abs(after - before) for before, after in pairwise(margins_s)]
+    assert max(jumps_s) <= 0.3
+
+
 @given(lengths, lengths, lengths, lengths, speeds, speeds, st.sampled_from([0.0, 15.0]))
 def test_no_evader_arrives_within_the_margin(x, y, e_x, e_y, v_x, v_y, radius_m):
     game = replace(GAME, target_extent=Extent(radius_m=radius_m))
-    pursuer_m = Enu((x, y, 5.0))
     evader_m = Enu((e_x, e_y, 0.0))
-    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
     still = Enu((0.0, 0.0, 0.0))
-    players = Players(pursuer_m, Enu((v_x, v_y, 0.0)), evader_m, still, TARGET, gaps, 0.0)
-    margin_s = certify(game, players, FULL, None).certificate.vehicle_margin_s
+    margin_s = margin_at_disc_height(
+        radius_m, Enu((x, y, 0.0)), Enu((v_x, v_y, 0.0)), evader_m, still
+    )
     between_points_s = 1.5 / 3.0
     first_s = game.target_extent.distance_m(TARGET, evader_m) / 3.0
     assert margin_s <= first_s + between_points_s

@@ -250,8 +250,8 @@ def _ground_s(race: _Race, places_m: Array, stop: Stop, evader_m_s: Array | None
     # On its way back it accelerates: at half of the additional way it is as fast as counts here.
     way_m = 0.5 * (away_m + np.maximum(away_m, far_m))
     allowed_m_s = fleeing_m_s + stop.allowed_m_s(closing * (way_m - stop.short_m))
-    wanted_m_s = np.minimum(fastest_m_s, allowed_m_s)[..., None] * headings
-    late_m = race.pursuer_m - _lost_m(race, wanted_m_s - flown_m_s)
+    missing_m_s = np.minimum(fastest_m_s, allowed_m_s)[..., None] * headings - flown_m_s
+    late_m = race.pursuer_m - _lost_m(race, missing_m_s)
     left_m = _length(places_m - late_m) - stop.short_m
     if race.height_m != 0.0:
         left_m = np.hypot(np.maximum(left_m, 0.0), race.height_m)
@@ -259,9 +259,8 @@ def _ground_s(race: _Race, places_m: Array, stop: Stop, evader_m_s: Array | None
         time_s = closing_s(left_m, fastest_m_s, stop)
     else:
         time_s = meeting_s(left_m, fastest_m_s, fleeing_m_s, stop)
-    # A vehicle that flies too fast to stop before the place is not there at once.
-    at_full_speed_s = (away_m - stop.short_m - stop.arrived_m) / fastest_m_s
-    return np.asarray(np.maximum(time_s, at_full_speed_s))
+    # A vehicle that flies too fast to stop before the place is not there before it has braked.
+    return np.asarray(np.maximum(time_s, _length(missing_m_s) / race.acceleration_m_s2))
 
 
 def _pushed_m_s(race: _Race, places_m: Array) -> Array:
