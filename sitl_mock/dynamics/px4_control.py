@@ -5,7 +5,7 @@ Parameters have PX4's names and defaults (mc_pos_control). The law reproduces th
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from sitl_mock.dynamics.px4_gains import Px4Gains
@@ -199,11 +199,19 @@ class Px4Control:
                 ZERO.level_with(started.velocity_ned_m_s[2]),
                 ZERO.level_with(started.acceleration_ned_m_s2[2]),
             )
+        limits = self.travel_limits
+        climb_m_s = setpoint.climb_m_s
+        if not math.isnan(climb_m_s):
+            # Lifting off, the trajectory begins at the vehicle's height each time, and is never ahead of it.
+            height_m = estimate.position_ned_m[2]
+            started = started._replace(position_ned_m=started.position_ned_m.level_with(height_m))
+            accel_m_s2 = min(limits.accel_z_m_s2, 2.0 * climb_m_s / self.gains.ramp_s)
+            limits = replace(limits, accel_z_m_s2=accel_m_s2)
         ahead_n = started.position_ned_m[0] - estimate.position_ned_m[0]
         ahead_e = started.position_ned_m[1] - estimate.position_ned_m[1]
         if ahead_n * started.velocity_ned_m_s[0] + ahead_e * started.velocity_ned_m_s[1] > 0.0:
             dt_s *= 1.0 - min(math.hypot(ahead_n, ahead_e) / self.gains.xy_error_max_m, 0.99)
-        return travel(self.travel_limits, started, setpoint, dt_s)
+        return travel(limits, started, setpoint, dt_s)
 
     def _direct(
         self, before: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float

@@ -89,8 +89,12 @@ def _lift_off_m_s(state: VehicleState) -> float:
 
 
 def takeoff_done(state: VehicleState, plan: ModePlan) -> bool:
-    """True if the take-off height is reached."""
-    return state.flew and state.position_m[2] - plan.height_m < _HEIGHT_REACHED_M
+    """True if the take-off height is reached within NAV_MC_ALT_RAD, a low one within half of it."""
+    climb_m = plan.entered_m[2] - plan.height_m
+    near_m = float(state.parameters["NAV_MC_ALT_RAD"])
+    if climb_m < near_m:
+        near_m = 0.5 * climb_m
+    return state.flew and state.position_m[2] - plan.height_m < near_m
 
 
 def land(state: VehicleState, plan: ModePlan) -> Setpoint:

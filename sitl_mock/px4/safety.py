@@ -223,7 +223,8 @@ def available(state: VehicleState, stream_s: float, *, has_mission: bool) -> fro
     parameters = state.parameters
     now_s = state.now_s
     streaming = (
-        now_s - stream_s <= parameters["COM_OF_LOSS_T"] and not state.conditions.offboard_refused
+        now_s - stream_s <= parameters["COM_OF_LOSS_T"] + 1e-9
+        and not state.conditions.offboard_refused
     )
     met = (
         state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"]),

@@ -80,6 +80,23 @@ def test_take_off_to_20_m_takes_about_17_s_and_ends_in_hold(fly):
     assert flight.last("HEARTBEAT").base_mode == 157
 
 
+@pytest.mark.parametrize(
+    ("order_m", "rise_m"), [(0.3, 0.55), (3.0, 0.92), (6.0, 0.94), (9.0, 1.03)]
+)
+def test_land_ordered_in_the_climb_ends_it_within_the_measured_metre(fly, order_m, rise_m):
+    """Catches a trajectory that is ahead of the climbing vehicle: it went on climbing, by up to 4.5 m."""
+    flight = fly("px4").run(1.0)
+    flight.command(400, 1.0)
+    flight.command(22, *[math.nan] * 6, 488.0 + 15.0)
+    flight.until(lambda: flight.height > order_m, 20.0)
+    flight.command(21)
+    highest_m = 0.0
+    while flight.height > highest_m:
+        highest_m = flight.height
+        flight.run(0.02)
+    assert highest_m - order_m == pytest.approx(rise_m, abs=0.15)
+
+
 def test_take_off_without_a_height_uses_mis_takeoff_alt(fly):
     flight = fly("px4", parameters={"MIS_TAKEOFF_ALT": 4.0}).run(1.0)
     flight.command(400, 1.0)
