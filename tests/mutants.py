@@ -124,7 +124,7 @@ TESTS: Mapping[str, Sequence[str]] = {
     ),
     "guidance/session/orders/answers.py": ANSWERS,
     "guidance/session/orders/control_bus.py": BUS,
-    "guidance/session/orders/control_client.py": BUS,
+    "guidance/session/orders/control_client.py": ("tests/session/test_control_client.py",),
     "guidance/session/orders/control_socket.py": ("tests/session/test_control_socket.py",),
     "guidance/session/orders/control_token.py": (
         "tests/session/test_control_token.py",

@@ -342,11 +342,15 @@ def test_a_feed_forward_within_the_limits_passes_and_a_large_one_is_scaled():
     assert limited.active == (Limiter.FEED_FORWARD,)
 
 
-def test_a_feed_forward_rises_at_the_jerk_limit_from_the_last_one_sent():
+@pytest.mark.parametrize(
+    ("wanted", "sent"),
+    [((3.0, 0.0, 2.0), (0.7, 0.0, 0.2)), ((0.6, 0.0, 0.1), (0.6, 0.0, 0.1))],
+)
+def test_a_feed_forward_changes_at_the_jerk_limit_from_the_last_one_sent(wanted, sent):
     soft = replace(OPEN, jerk_m_s3=10.0)
     memory = LimitMemory(Ned((1.0, 0.0, 0.0)), feed_forward_ned_m_s2=Ned((0.5, 0.0, 0.0)))
-    limited = limit(Setpoint(Ned((1.0, 0.0, 0.0)), Ned((3.0, 0.0, 2.0))), HOVER, soft, memory, DT_S)
-    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((0.7, 0.0, 0.2))
+    limited = limit(Setpoint(Ned((1.0, 0.0, 0.0)), Ned(wanted)), HOVER, soft, memory, DT_S)
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(sent)
     assert limited.memory.feed_forward_ned_m_s2 == limited.setpoint.acceleration_ned_m_s2
     assert settled((1.0, 0.0, 0.0)).memory.feed_forward_ned_m_s2 == (0.0, 0.0, 0.0)
 
