@@ -108,7 +108,7 @@ TESTS: Mapping[str, Sequence[str]] = {
         *FLIGHT,
     ),
     "guidance/flight/machine.py": FLIGHT,
-    "guidance/flight/freshness.py": ("tests/flight/test_freshness.py",),
+    "guidance/flight/freshness.py": ("tests/flight/test_ages.py", "tests/flight/test_freshness.py"),
     "guidance/autopilots/rules.py": ("tests/autopilots/test_rules.py", *PREFLIGHT),
     "guidance/preflight/changing.py": PREFLIGHT,
     "guidance/preflight/judging.py": PREFLIGHT,
@@ -440,9 +440,6 @@ class Judge:
         import pytest
 
         text = source()
-        for module in list(sys.modules):
-            if module.partition(".")[0] in PACKAGES:
-                del sys.modules[module]
         get_code = SourceFileLoader.get_code
 
         def code_of(loader: SourceFileLoader, module: str) -> CodeType | None:
@@ -450,14 +447,24 @@ class Judge:
                 return compile(text, str(ROOT / self._name), "exec")
             return get_code(loader, module)
 
-        def run(session: Any, loop: Loop) -> None:
+        def run(session: Any, loop: Loop, chosen: Sequence[str]) -> None:
             items = {item.nodeid: item for item in session.items}
-            failed = loop.first_failure(session, [items[name] for name in order])
+            failed = loop.first_failure(session, [items[name] for name in chosen])
             report.write_text(failed, encoding="utf-8")
 
         SourceFileLoader.get_code = code_of
-        report.write_text("cannot be imported", encoding="utf-8")
-        pytest.main([*PYTEST, *TESTS[self._name]], plugins=[Loop(run)])
+        # The file of the test that comes first may be enough, and is collected faster than all of them.
+        first = order[0].partition("::")[0]
+        in_first = [name for name in order if name.partition("::")[0] == first]
+        others = [name for name in order if name not in in_first]
+        for files, chosen in (([first], in_first), (TESTS[self._name], others)):
+            for module in list(sys.modules):
+                if module.partition(".")[0] in PACKAGES:
+                    del sys.modules[module]
+            report.write_text("cannot be imported", encoding="utf-8")
+            pytest.main([*PYTEST, *files], plugins=[Loop(partial(run, chosen=chosen))])
+            if report.read_text(encoding="utf-8") or not others:
+                break
 
     def _live(self, function: str) -> Any:
         """Return a function of the module, without its decorators."""

@@ -117,10 +117,12 @@ def measure_walls(
     walls: list[Wall] = []
     if envelope.fence_polygon is not None:
         edges = _edges(envelope.fence_polygon, point)
-        walls += [
-            Wall(Limiter.FENCE_POLYGON, Ned((*normal, 0.0)), gap_m - margin_m, margin_m)
-            for normal, gap_m in edges
-        ]
+        walls.extend(
+            [
+                Wall(Limiter.FENCE_POLYGON, Ned((*normal, 0.0)), gap_m - margin_m, margin_m)
+                for normal, gap_m in edges
+            ]
+        )
     walls.append(Wall(Limiter.FLOOR, DOWN, height_m - envelope.floor_m - spare_m, spare_m))
     walls.append(Wall(Limiter.CEILING, UP, envelope.ceiling_m - height_m))
     if envelope.fence_radius_m is not None:
