@@ -81,11 +81,6 @@ ANSWERS = (
     "tests/session/test_daemon.py",
     "tests/session/test_daemon_engaging.py",
 )
-BUS = (
-    "tests/session/test_bad_mate.py",
-    "tests/session/test_team_orders.py",
-    "tests/session/test_control_bus.py",
-)
 TESTS: Mapping[str, Sequence[str]] = {
     "guidance/vehicle.py": (
         "tests/test_vehicle_jumps.py",
@@ -123,7 +118,7 @@ TESTS: Mapping[str, Sequence[str]] = {
         "tests/preflight/test_rows.py",
     ),
     "guidance/session/orders/answers.py": ANSWERS,
-    "guidance/session/orders/control_bus.py": BUS,
+    "guidance/session/orders/control_bus.py": ("tests/session/test_control_bus_queries.py",),
     "guidance/session/orders/control_client.py": ("tests/session/test_control_client.py",),
     "guidance/session/orders/control_socket.py": ("tests/session/test_control_socket.py",),
     "guidance/session/orders/control_token.py": (
