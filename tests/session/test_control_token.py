@@ -29,7 +29,8 @@ def path(tmp_path):
     return tmp_path / "run" / "uav1.token"
 
 
-def test_a_token_is_drawn_anew_each_time_and_for_its_owners_eyes(path):
+def test_a_token_is_drawn_anew_each_time_and_for_its_owners_eyes(tmp_path):
+    path = tmp_path / "run" / "guidance" / "uav1.token"
     first = published(path)
     assert path.stat().st_mode & 0o777 == 0o600
     assert path.parent.stat().st_mode & 0o777 == 0o700
@@ -57,6 +58,15 @@ def test_our_token_goes_with_us_and_a_successors_stays(path):
     assert control_token.read_token(path) == second
     control_token.discard_token(second)
     assert control_token.read_token(path) is None
+
+
+def test_a_token_that_somebody_spoiled_or_removed_disturbs_nobody_who_ends(path):
+    token = published(path)
+    path.write_text("spoiled")
+    control_token.discard_token(token)
+    assert path.read_text() == "spoiled"
+    path.unlink()
+    control_token.discard_token(token)
 
 
 @pytest.mark.parametrize(
@@ -116,6 +126,8 @@ def test_the_token_lies_in_the_runtime_folder_of_the_service_or_of_the_user(monk
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     at = "tcp/127.0.0.1:7448"
     assert control_token.token_path(at) == tmp_path / "guidance" / "tcp-127.0.0.1-7448.token"
+    named = control_token.token_path("unixsock-stream/run/_Guidance")
+    assert named.name == "unixsock-stream-run-Guidance.token"
     monkeypatch.setenv("RUNTIME_DIRECTORY", "/run/guidance:/run/other")
     assert str(control_token.token_path(at)) == "/run/guidance/tcp-127.0.0.1-7448.token"
     monkeypatch.delenv("RUNTIME_DIRECTORY")
