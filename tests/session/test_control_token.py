@@ -79,6 +79,34 @@ def test_what_is_no_token_is_one_clear_error(path, text):
         control_token.read_token(path)
 
 
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda path: path.write_bytes(b"\xff"), "not a text file"),
+        (Path.mkdir, "Is a directory"),
+        (lambda path: path.write_text("guidance:" + "ab" * 2044), "larger than 4096 bytes"),
+    ],
+)
+def test_a_token_that_cannot_be_read_says_why(path, make, reason):
+    path.parent.mkdir()
+    make(path)
+    with pytest.raises(ConfigError, match=rf"{path}: cannot be read \({reason}\)"):
+        control_token.read_token(path)
+
+
+def test_a_path_of_more_than_100_bytes_is_reached_by_its_folder_as_long_as_it_is_needed():
+    folder = Path(tempfile.gettempdir())
+    longest = folder / "x".ljust(99 - len(str(folder)), "x")
+    with control_token.reachable(longest) as address:
+        assert address == str(longest)
+    longer = folder / f"{longest.name}x"
+    with control_token.reachable(longer) as address:
+        parent, _, name = address.rpartition("/")
+        assert (name, Path(parent).readlink()) == (longer.name, folder.resolve())
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(int(parent.rpartition("/")[2]))
+
+
 @pytest.mark.parametrize("mode", [0o777, 0o1777, 0o770])
 @pytest.mark.parametrize("reading", [control_token.draw_token, control_token.read_token])
 def test_a_token_where_others_may_write_is_refused(path, reading, mode):

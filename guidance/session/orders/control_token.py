@@ -117,8 +117,9 @@ def _check_folder(folder: Path, owners: Collection[int]) -> None:
     """Refuse a folder in which another user could put or replace a token file; a sticky bit does not help."""
     status = folder.stat()
     if status.st_uid not in owners or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        remedy = "run chmod go-w on it, or give another path"
-        raise ConfigError(f"control.token_file: others may write to {folder}; {remedy}")
+        raise ConfigError(
+            f"control.token_file: others may write to {folder}; run chmod go-w on it, or give another path"
+        )
 
 
 def socket_path(token: Path) -> Path:
