@@ -121,10 +121,7 @@ TESTS: Mapping[str, Sequence[str]] = {
     "guidance/session/orders/control_bus.py": ("tests/session/test_control_bus_queries.py",),
     "guidance/session/orders/control_client.py": ("tests/session/test_control_client.py",),
     "guidance/session/orders/control_socket.py": ("tests/session/test_control_socket.py",),
-    "guidance/session/orders/control_token.py": (
-        "tests/session/test_control_token.py",
-        "tests/session/test_control_socket.py",
-    ),
+    "guidance/session/orders/control_token.py": ("tests/session/test_control_token.py",),
     "guidance/session/orders/mailbox.py": (
         "tests/session/test_orders.py",
         "tests/session/test_daemon_engaging.py",

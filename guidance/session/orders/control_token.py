@@ -75,7 +75,7 @@ def draw_token(path: Path) -> ControlToken:
         if token_of_person is not None:
             return token_of_person
         token = ControlToken(path.with_name(f".{path.name}.{os.getpid()}"), secrets.token_hex(32))
-        private_file(token.path).write_text(f"{USER}:{token.secret}\n", encoding="ascii")
+        private_file(token.path).write_bytes(f"{USER}:{token.secret}\n".encode())
     return token
 
 
@@ -133,7 +133,7 @@ def reachable(path: Path) -> Iterator[str]:
     if len(os.fsencode(path)) <= _LONGEST_PATH:
         yield str(path)
         return
-    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    folder = os.open(path.parent, os.O_RDONLY)
     try:
         yield f"/proc/self/fd/{folder}/{path.name}"
     finally:
