@@ -112,7 +112,8 @@ def acts_inside(
         edge_m = edge_m[_inside_ours(ours, edge_m, TOLERANCE_M)]
         if len(edge_m) and area.inclusion and one_inclusion_is_enough:
             others = [ring for ring in areas[:index] + areas[index + 1 :] if ring.inclusion]
-            edge_m = edge_m[~_in_any(others, edge_m)]
+            for ring in others:
+                edge_m = edge_m[~contains(ring.corners_m, edge_m)]
         if len(edge_m):
             return _first_point(edge_m)
     forbidden = _forbidden(areas, outline_m, one_inclusion_is_enough=one_inclusion_is_enough)
@@ -136,13 +137,6 @@ def _forbidden(areas: Sequence[Ring], points_m: Points, *, one_inclusion_is_enou
             deep = distance_m(area.corners_m, points_m) > TOLERANCE_M
             outside |= contains(area.corners_m, points_m) & deep
     return outside
-
-
-def _in_any(areas: Sequence[Ring], points_m: Points) -> _Flags:
-    inside = np.zeros(len(points_m), dtype=bool)
-    for area in areas:
-        inside |= contains(area.corners_m, points_m)
-    return inside
 
 
 def _inside_ours(ours: Sequence[Sequence[Point]], points_m: Points, depth_m: float) -> _Flags:
