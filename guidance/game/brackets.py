@@ -195,7 +195,10 @@ def _stepped(xp: Library, course: MarginEdge, bracket: Bracket, sign: Real, step
         middle = 0.5 * (bracket.low + bracket.high)
         last = bracket.trial
         if course.curved:
-            position, inside = _newton(xp, bracket, pose.slope, pose.bend)
+            # Newton's next position, unless that is outside the bracket
+            convex = pose.bend > 0.0
+            position = bracket.trial - pose.slope / xp.select(convex, pose.bend, 1.0)
+            inside = convex & (position > bracket.low) & (position < bracket.high)
             last = xp.select(inside, position, last)
             position = xp.select(inside, position, middle)
         else:
@@ -242,13 +245,6 @@ def _narrowed(xp: Library, course: MarginEdge, bracket: Bracket, pose: Pose, sig
         rising=xp.select(rises, slope, rising),
         trial=bracket.trial,
     )
-
-
-def _newton(xp: Library, bracket: Bracket, slope: Real, bend: Real) -> tuple[Real, Truth]:
-    """Return Newton's next position, and whether that is inside the bracket."""
-    convex = bend > 0.0
-    position = bracket.trial - slope / xp.select(convex, bend, 1.0)
-    return position, convex & (position > bracket.low) & (position < bracket.high)
 
 
 def _secant(xp: Library, bracket: Bracket) -> Real:

@@ -264,7 +264,8 @@ def most_in_danger(xp: Library, extent: Extent, rivals: Rivals) -> Plane:
     points = []
     lines = _several(xp, _lines(extent), rivals)
     if extent.radius_m > 0.0:
-        for arc in _several(xp, _arcs(extent), rivals):
+        circles = tuple(Arc(corner, extent.radius_m) for corner in extent.corners_m)
+        for arc in _several(xp, circles, rivals):
             points.extend(_each(xp, extent, _around(xp, arc, rivals)))
         ends = [
             (
@@ -281,7 +282,11 @@ def most_in_danger(xp: Library, extent: Extent, rivals: Rivals) -> Plane:
         else:
             for corner, margin in zip(corners, judged, strict=True):
                 points.append(_corner(xp, corner, margin))
-        ends = _line_ends(judged)
+        # A line ends at the corner that follows its begin; with NumPy all corners are along the first axis.
+        following = judged[1:] + judged[:1]
+        if len(judged) == 1:
+            following = [mapped(lambda part: np.concatenate((part[1:], part[:1])), judged[0])]
+        ends = list(zip(judged, following, strict=True))
     best = points[0]
     for point in points[1:]:
         best = _lesser(xp, best, point)
@@ -306,11 +311,6 @@ def _lines(extent: Extent) -> tuple[Line, ...]:
         outward = (along[1], -along[0])
         lines.append(Line(plus2(begin, extent.radius_m, outward), along, length, is_open))
     return tuple(lines[:1] if is_open else lines)
-
-
-def _arcs(extent: Extent) -> tuple[Arc, ...]:
-    """Return the circles around the corners."""
-    return tuple(Arc(corner, extent.radius_m) for corner in extent.corners_m)
 
 
 def _several(xp: Library, pieces: tuple[AnyRecord, ...], rivals: Rivals) -> list[AnyRecord]:
@@ -341,18 +341,6 @@ def _each(xp: Library, extent: Extent, point: ShapePoint) -> list[ShapePoint]:
     return [ShapePoint((x[number], y[number]), margin[number]) for number in range(count)]
 
 
-def _line_ends(judged: list[Judged]) -> list[tuple[Judged, Judged]]:
-    """Return the begin and the end of each line from the corners."""
-    if len(judged) > 1:
-        return list(zip(judged, judged[1:] + judged[:1], strict=True))
-    return [(judged[0], mapped(_next, judged[0]))]
-
-
-def _next(corners: Array) -> Array:
-    """Return the values at the following corners, which are along the first axis."""
-    return np.concatenate((corners[1:], corners[:1]))
-
-
 def _lesser(xp: Library, best: ShapePoint, rival: ShapePoint) -> ShapePoint:
     """Return the point with the lesser margin."""
     closer = rival.margin < best.margin
@@ -372,7 +360,11 @@ def _margin_at(xp: Library, rivals: Rivals, at: Plane) -> Judged:
         guard, guarded = _guard(xp, rivals, plus2(at, -1.0, rivals.pursuer))
         gradient = (later[0] - guarded[0], later[1] - guarded[1])
         return Judged(arrival - guard, gradient, arrival, later)
-    arrival = _arrival(xp, rivals, run, drift)
+    # When the evader can be at the point that drifts.
+    pace = xp.sqrt(0.0 * run[0] + dot2(drift, drift))
+    hand = (rivals.v - pace) * (rivals.v + pace)
+    half = dot2(run, drift) - rivals.v * rivals.lag
+    arrival, _ = ball_time(xp, hand, half, dot2(run, run) - rivals.lag * rivals.lag)
     run = plus2(run, arrival, drift)
     length = xp.norm2(run)
     rate = rivals.v * length - dot2(run, drift)
@@ -382,14 +374,6 @@ def _margin_at(xp: Library, rivals: Rivals, at: Plane) -> Judged:
     guard, guarded = _guard(xp, rivals, met)
     guarded = plus2(guarded, dot2(guarded, drift), later)
     return Judged(arrival - guard, plus2(later, -1.0, guarded), arrival, later)
-
-
-def _arrival(xp: Library, rivals: Rivals, run: Plane, drift: Plane) -> Real:
-    """Return the time until the evader can be at a point that drifts, s."""
-    pace = xp.sqrt(0.0 * run[0] + dot2(drift, drift))
-    hand = (rivals.v - pace) * (rivals.v + pace)
-    half = dot2(run, drift) - rivals.v * rivals.lag
-    return ball_time(xp, hand, half, dot2(run, run) - rivals.lag * rivals.lag)[0]
 
 
 def _guard(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:

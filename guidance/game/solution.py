@@ -132,7 +132,8 @@ def solve(
     # Ten times faster
     answer = solve_state(game, **{name: tuple(value.tolist()) for name, value in named.items()})
     _refuse(answer.reason, named)
-    out = out or _empty((), named["pursuer"])
+    if out is None:
+        out = _empty((), named["pursuer"])
     for field, value in zip(out, answer, strict=True):
         field[...] = value
     return out
@@ -159,7 +160,8 @@ def _solve(
             return Solution(
                 *[winner, *(xp.pack(shape, like, part, spoil) for part in play[1:-1]), reason]
             )
-        out = out or _empty(shape, like)
+        if out is None:
+            out = _empty(shape, like)
         out.winner[...] = winner
         out.reason[...] = reason
         for field, part in zip(out[1:-1], play[1:-1], strict=True):
@@ -239,10 +241,16 @@ def _solve_rows(
     chunk_rows = ROWS if game.target_extent.is_point else 2 * ROWS
     if count <= chunk_rows:
         if not game.target_extent.is_point:
-            game, named = _with_all_axes(game, shape, named)
+            # Kernels choose rows by the game and the vectors: all of them have the whole leading shape.
+            game = for_rows(game, lambda value: np.broadcast_to(value, shape))
+            if any(vector.shape[:-1] != shape for vector in named.values()):
+                named = {
+                    name: np.broadcast_to(vector, (*shape, 3)) for name, vector in named.items()
+                }
         return _solve(NUMPY, game, shape, named, out)
     like = named["pursuer"]
-    out = out or _empty(shape, like)
+    if out is None:
+        out = _empty(shape, like)
     rows = {
         name: np.broadcast_to(value, (*shape, 3)).reshape(count, 3) for name, value in named.items()
     }
@@ -280,19 +288,11 @@ def _solve_each(
         solve_state(game, P, E, T, evader_velocity_m_s=observed)
         for P, E, T, observed in zip(*vectors_of_rows, strict=True)
     ]
-    out = out or _empty(shape, named["pursuer"])
+    if out is None:
+        out = _empty(shape, named["pursuer"])
     for field, column in zip(out, zip(*answers, strict=True), strict=True):
         field[...] = np.array(column).reshape(field.shape)
     return out
-
-
-def _with_all_axes(
-    game: Game, shape: tuple[int, ...], named: dict[str, Array]
-) -> tuple[Game, dict[str, Array]]:
-    """Return a game and vectors with the whole leading shape, for kernels that choose rows by some of them."""
-    if any(vector.shape[:-1] != shape for vector in named.values()):
-        named = {name: np.broadcast_to(vector, (*shape, 3)) for name, vector in named.items()}
-    return for_rows(game, lambda value: np.broadcast_to(value, shape)), named
 
 
 def _play(

@@ -155,7 +155,12 @@ def match_teams(
             answer = _chased(table, first)
         else:
             first, mate = _with_pairs(table, edges, previous_pairs, first)
-            pairs = _pairs_of_firsts(table, previous_pairs, first)
+            # What each first and every other pursuer guarantee together: known if these are the promised firsts.
+            pairs = None
+            if previous_pairs is not None and np.array_equal(first, previous_pairs.asked):
+                pairs = previous_pairs.pairs
+            if pairs is None:
+                pairs = pairs_with(table, first)
             second = _seconds(table, pairs, first, mate, previous_pairs, hysteresis)
             answer = _target_answer(table, table.target, pairs, first, second)
             then = _in_turn(table, table.target, previous, first, answer.then)
@@ -253,15 +258,6 @@ def _spare_in_turn(table: Table, own: Array, target: Array, possible: Array) -> 
     left_m = np.broadcast_to(reach_m, possible.shape)[row, pursuer, evader] - way_m
     spare_m[row, pursuer, evader] = np.where(left_m > 0.0, left_m, -np.inf)
     return spare_m
-
-
-def _pairs_of_firsts(table: Table, previous_pairs: Kept | None, first: Array) -> Meeting:
-    """Return what each first and every other pursuer guarantee together; that of `previous_pairs` if they are asked."""
-    if previous_pairs is not None and np.array_equal(first, previous_pairs.asked):
-        pairs = previous_pairs.pairs
-        if pairs:
-            return pairs
-    return pairs_with(table, first)
 
 
 def _with_spare(table: Table, spare_m: Array) -> Table:

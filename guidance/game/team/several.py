@@ -181,8 +181,15 @@ def solve_team(
         play = pursuit_of_team if target is None else defence_of_team
         answer, best = play(team, others["evader"], _best_pair(team))
         won = answer.winner > 0
-        answer = answer._replace(multipliers=_multipliers_of_won(team, best, won))
-    fault = _fault_of(team, answer)
+        multipliers = np.zeros(team.own.shape)
+        if won.any():
+            multipliers = np.where(won[..., None], _multipliers(team, best), 0.0)
+        answer = answer._replace(multipliers=multipliers)
+    # Why a row has no answer, else 0.
+    no_answer = int(Reason.NOT_FINITE)
+    worst = np.max(team.alone.reason, axis=-1)
+    overflow = np.where(np.isfinite(answer.value), 0, no_answer)
+    fault = np.asarray(np.where(worst >= no_answer, worst, overflow))
     has_set = target is not None and not game.target_extent.is_point
     if has_set and P.shape[-2] > 1:
         answer = _against_a_set(game, P, others, answer, fault)
@@ -220,14 +227,6 @@ def _broadcast(
     return game, np.broadcast_to(P, (*shape_of_pursuers, 3)), vectors_of_rows
 
 
-def _fault_of(team: PursuerGames, answer: TeamSolution) -> Array:
-    """Return the reason why a row has no answer, else 0."""
-    none = int(Reason.NOT_FINITE)
-    worst = np.max(team.alone.reason, axis=-1)
-    overflow = np.where(np.isfinite(answer.value), 0, none)
-    return np.asarray(np.where(worst >= none, worst, overflow))
-
-
 def _team(game: Game, P: Array, others: Mapping[str, Array]) -> PursuerGames:
     """Return the pursuers' games against the evader; `rest` has the other positions by the arguments' names."""
     lone = {name: value[..., None, :] for name, value in others.items()}
@@ -250,25 +249,18 @@ def _against_a_set(
     lost = np.asarray((answer.winner <= 0) & sound)
     if not lost.any():
         return with_margin
-    run = _run_to(danger.point_m, lost, game, P, others)
+    # The lost rows again, with the point where the evader arrives as target.
+    point_game = replace(game, target_extent=POINT)
+    lost_games = for_rows(point_game, lambda value: value[lost])
+    lost_others = {name: value[lost] for name, value in others.items()}
+    lost_others["target"] = danger.point_m[lost]
+    team = _team(lost_games, P[lost], lost_others)
+    with np.errstate(all="ignore"):
+        run, _ = defence_of_team(team, lost_others["evader"], _best_pair(team))
     parts = [np.array(part) for part in with_margin]
     for column, part in zip(parts, run, strict=True):
         column[lost] = part
     return TeamSolution(*parts)
-
-
-def _run_to(
-    point_m: Array, lost: Array, game: Game, P: Array, others: Mapping[str, Array]
-) -> TeamSolution:
-    """Return the answers of the lost rows for a target at the point where the evader arrives."""
-    point_game = replace(game, target_extent=POINT)
-    lost_games = for_rows(point_game, lambda value: value[lost])
-    lost_others = {name: value[lost] for name, value in others.items()}
-    lost_others["target"] = point_m[lost]
-    team = _team(lost_games, P[lost], lost_others)
-    with np.errstate(all="ignore"):
-        run, _ = defence_of_team(team, lost_others["evader"], _best_pair(team))
-    return run
 
 
 def _best_pair(team: PursuerGames) -> Meeting:
@@ -352,9 +344,11 @@ def nearest_run(
         return best
     regions = team.regions.pick(pursuers)
     ends = team.alone.meeting_point_m[pursuers] - evader[..., None, :]
-    to_x, to_y = _directions(ends, best, goal.towards(regions.safe))
-    lengths = survived(regions.beside(), for_each((to_x, to_y)))
-    far = np.min(lengths, axis=-1)
+    straight_x, straight_y = goal.towards(regions.safe)
+    to_x = np.concatenate([ends[..., 0], best.x[..., None], straight_x], axis=-1)
+    to_y = np.concatenate([ends[..., 1], best.y[..., None], straight_y], axis=-1)
+    to_x, to_y = unit((to_x, to_y))
+    far = np.min(survived(regions.beside(), for_each((to_x, to_y))), axis=-1)
     x = far * to_x
     y = far * to_y
     distance = np.fmin(goal.left((x, y)), np.inf)
@@ -368,7 +362,11 @@ def nearest_run(
             part[unmet] = np.where(nearer, found, part[unmet])
     same = shortest <= best.worth * (1.0 + _ROUNDING)
     worth = np.where(same, best.worth, shortest)
-    return NUMPY.select_all(won, _unpaired(best, x, y, worth), best)
+    # Where the run is worth more than the best pair's, no pursuers decide it.
+    longer = worth > best.worth
+    first = np.where(longer, -1, best.first)
+    second = np.where(longer, -2, best.second)
+    return NUMPY.select_all(won, Meeting(x, y, worth, first, second), best)
 
 
 class _End(NamedTuple):
@@ -410,22 +408,6 @@ def _nearest_of_all(regions: Regions, goal: Goal) -> _End:
     found = ends(middle)
     least = place_of(np.argmin(found.worth, axis=-1))
     return _End(found.x[least], found.y[least], found.worth[least])
-
-
-def _directions(ends: Array, best: Meeting, straight: PlaneArrays) -> PlaneArrays:
-    """Return the directions to some ends (..., n, 3), to the best pair's, and straight ones (..., n)."""
-    straight_x, straight_y = straight
-    x = np.concatenate([ends[..., 0], best.x[..., None], straight_x], axis=-1)
-    y = np.concatenate([ends[..., 1], best.y[..., None], straight_y], axis=-1)
-    return unit((x, y))
-
-
-def _unpaired(best: Meeting, x: Array, y: Array, worth: Array) -> Meeting:
-    """Return a run with its worth; no pursuers decide it where it is worth more than the best pair's."""
-    longer = worth > best.worth
-    first = np.where(longer, -1, best.first)
-    second = np.where(longer, -2, best.second)
-    return Meeting(x, y, worth, first, second)
 
 
 def longest_run(team: PursuerGames) -> Meeting:
@@ -642,13 +624,6 @@ def assembled(
         evader_velocity_m_s=np.where(is_single, alone.evader_velocity_m_s[at], velocity),
         reason=reason,
     )
-
-
-def _multipliers_of_won(team: PursuerGames, best: Meeting, won: Array) -> Array:
-    """Return the multipliers where the team wins, (..., n), and zero where the evader does."""
-    if not won.any():
-        return np.zeros(team.own.shape)
-    return np.where(won[..., None], _multipliers(team, best), 0.0)
 
 
 def _multipliers(team: PursuerGames, best: Meeting) -> Array:

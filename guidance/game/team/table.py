@@ -186,31 +186,24 @@ def team_of(
     if not is_zero(regions.safe):
         ground = np.array([1.0, 1.0, 0.0])
         below = P * ground + E * (1.0 - ground)
-        level = solve(_level_game(game), below, E, T)
+        # Over the ground, the game of a separate set is a ball's, with the disc that is captured level.
+        reach = game.standoff.radius_m + game.capture_radius_m
+        ball = Ball(game.pursuer.horizontal_m_s)
+        level_game = replace(game, pursuer=ball, capture_radius_m=reach, standoff=StandOff())
+        level = solve(level_game, below, E, T)
         worth = worth_in(level, T)
     end = level.meeting_point_m - E
     goal = None
     if T is not None:
-        goal = _goal_of(game, v, (T - E)[..., 0, :])
+        to_target = (T - E)[..., 0, :]
+        x_m_s, y_m_s = game.target_velocity_m_s
+        speed = v[..., None]
+        drift = (x_m_s / speed, y_m_s / speed)
+        goal = Goal(to_target[..., 0], to_target[..., 1], game.target_extent, drift)
     state = take_apart(NUMPY, game, components(P), components(E), None)
     return PursuerGames(
         game, v, regions, state, end[..., 0], end[..., 1], worth, alone, own_worth, goal
     )
-
-
-def _level_game(game: Game) -> Game:
-    """Return the game over the ground of a separate set: a ball's, with the disc that is captured level."""
-    reach = game.standoff.radius_m + game.capture_radius_m
-    ball = Ball(game.pursuer.horizontal_m_s)
-    return replace(game, pursuer=ball, capture_radius_m=reach, standoff=StandOff())
-
-
-def _goal_of(game: Game, v: Array, to_target: Array) -> Goal:
-    """Return the target at the end of a vector from the evader, (..., 3), m, whose speed is v, (...), m/s."""
-    (x_m_s, y_m_s) = game.target_velocity_m_s
-    speed = v[..., None]
-    drift = (x_m_s / speed, y_m_s / speed)
-    return Goal(to_target[..., 0], to_target[..., 1], game.target_extent, drift)
 
 
 def costs_of(
@@ -310,7 +303,14 @@ def _bounds(
     rows = np.nonzero(bind)
     if len(rows[0]):
         two = regions.pick(rows)
-        to = _direction_of_crossing(two, (end[0][rows], end[1][rows]))
+        # The crossing between both own ends.
+        own = (end[0][rows], end[1][rows])
+        far = NUMPY.norm2(own)
+        first_x, second_x = (own[0] / far).T
+        first_y, second_y = (own[1] / far).T
+        first = (first_x, first_y)
+        second = (second_x, second_y)
+        to = crossing(two, first, second, halfway(first, second))
         length = edge(two, for_each(to)).reach.min(axis=-1)
         x[rows] = length * to[0]
         y[rows] = length * to[1]
@@ -328,16 +328,6 @@ def _bounds(
         later_m = regions.safe.max(axis=-1)
         bounded = np.minimum(bounded, team.worth_of(later_m))
     return x, y, bounded
-
-
-def _direction_of_crossing(two: Regions, end: PlaneArrays) -> PlaneArrays:
-    """Return the direction, (m,), of the crossing between two pursuers' own ends, (m, 2)."""
-    far = NUMPY.norm2(end)
-    first_x, second_x = (end[0] / far).T
-    first_y, second_y = (end[1] / far).T
-    first = (first_x, first_y)
-    second = (second_x, second_y)
-    return crossing(two, first, second, halfway(first, second))
 
 
 def _keeps(two: Regions, v: Array, run: PlaneArrays, goal: Goal) -> Array:
