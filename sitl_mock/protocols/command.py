@@ -123,7 +123,16 @@ class CommandProtocol:
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take COMMAND_LONG or COMMAND_INT; other messages and other vehicles' commands are ignored."""
         command = read_command(message)
-        if command is None or not self._is_ours(message, command):
+        if command is None or command.source == self._ids:
+            return []
+        system, component = self._ids
+        if message.target_component not in {ALL_COMPONENTS, component}:
+            return []
+        if message.target_system == 0:
+            # A flavour may obey only some commands that are sent to all systems.
+            if self._broadcast is not None and command.number not in self._broadcast:
+                return []
+        elif message.target_system != system:
             return []
         key = (command.source, command.number)
         tracked = self._tracked.get(key)
@@ -159,17 +168,6 @@ class CommandProtocol:
         tracked.sent += answers
         source, number = key
         return [_ack(number, answer, source) for answer in answers]
-
-    def _is_ours(self, message: Message, command: Command) -> bool:
-        system, component = self._ids
-        if command.source == self._ids or message.target_component not in {
-            ALL_COMPONENTS,
-            component,
-        }:
-            return False
-        if message.target_system == 0:
-            return self._broadcast is None or command.number in self._broadcast
-        return bool(message.target_system == system)
 
 
 def read_command(message: Message) -> Command | None:

@@ -136,23 +136,6 @@ class FtpProtocol:
         self._storage = files.storage
         self._open: bytes | None = None
         self._written: str | None = None
-        self._served: dict[int, Callable[[_Request], list[tuple[int, bytes]]]] = {
-            Opcode.TERMINATE_SESSION: self._close,
-            Opcode.RESET_SESSIONS: self._close,
-            Opcode.LIST_DIRECTORY: self._list,
-            Opcode.OPEN_FILE_RO: self._open_file,
-            Opcode.READ_FILE: self._read,
-            Opcode.CREATE_FILE: self._create_file,
-            Opcode.OPEN_FILE_WO: self._open_to_write,
-            Opcode.WRITE_FILE: self._write,
-            Opcode.TRUNCATE_FILE: self._truncate,
-            Opcode.REMOVE_FILE: self._remove_file,
-            Opcode.CREATE_DIRECTORY: self._create_folder,
-            Opcode.REMOVE_DIRECTORY: self._remove_folder,
-            Opcode.RENAME: self._rename,
-            Opcode.CALC_FILE_CRC32: self._crc,
-            Opcode.BURST_READ_FILE: self._burst,
-        }
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
         """Take FILE_TRANSFER_PROTOCOL."""
@@ -165,12 +148,8 @@ class FtpProtocol:
         request = _Request(
             sequence, session, opcode, size, offset, raw[_HEAD.size :][: min(size, DATA)]
         )
-        serve = self._served.get(opcode)
-        if serve is None:
-            unknown = bytes((FtpError.UNKNOWN_COMMAND,))
-            return [_reply(message, request, Opcode.NAK, offset, unknown)]
         try:
-            pieces = serve(request)
+            pieces = self._serve(request)
         except _Nak as nak:
             return [_reply(message, request, Opcode.NAK, offset, nak.data)]
         last = len(pieces) - 1
@@ -179,10 +158,62 @@ class FtpProtocol:
             for number, (at, data) in enumerate(pieces)
         ]
 
-    def _close(self, _request: _Request) -> list[tuple[int, bytes]]:
-        self._open = None
-        self._written = None
-        return [(0, b"")]
+    def _serve(self, request: _Request) -> list[tuple[int, bytes]]:
+        """Return the pieces of the answer, each with its offset in the file.
+
+        Raises:
+            _Nak: The request is refused, or its operation is unknown.
+        """
+        match request.opcode:
+            case Opcode.TERMINATE_SESSION | Opcode.RESET_SESSIONS:
+                self._open = None
+                self._written = None
+                return [(0, b"")]
+            case Opcode.LIST_DIRECTORY:
+                return self._list(request)
+            case Opcode.OPEN_FILE_RO:
+                self._open = content = self._content(request)
+                return [(0, struct.pack("<I", len(content)))]
+            case Opcode.READ_FILE | Opcode.BURST_READ_FILE:
+                most = 1 if request.opcode == Opcode.READ_FILE else BURST
+                return self._read(request, most)
+            case Opcode.CALC_FILE_CRC32:
+                crc = file_crc(self._content(request))
+                return [(0, struct.pack("<I", crc))]
+        return [self._change(request)]
+
+    def _change(self, request: _Request) -> tuple[int, bytes]:
+        """Carry out an operation that changes the storage; return the only piece of its answer."""
+        files = self._storage.files
+        match request.opcode:
+            case Opcode.CREATE_FILE:
+                path = self._new_path(request.path)
+                files[path] = b""
+                self._written = path
+            case Opcode.OPEN_FILE_WO:
+                self._written = self._stored_file(request.path)
+                return (0, struct.pack("<I", len(files[self._written])))
+            case Opcode.WRITE_FILE:
+                self._write(request)
+                return (request.offset, b"")
+            case Opcode.TRUNCATE_FILE:
+                path = self._stored_file(request.path)
+                if not self._storage.takes(request.offset):
+                    raise _Nak(FtpError.FAIL_ERRNO, _NO_SPACE)
+                files[path] = files[path][: request.offset].ljust(request.offset, b"\0")
+            case Opcode.REMOVE_FILE:
+                if not self._storage.logs.remove(absolute(request.path)):
+                    del files[self._stored_file(request.path)]
+            case Opcode.CREATE_DIRECTORY:
+                self._storage.folders.add(self._new_path(request.path))
+            case Opcode.REMOVE_DIRECTORY:
+                self._remove_folder(absolute(request.path))
+            case Opcode.RENAME:
+                old, _, new = request.path.partition("\0")
+                self._rename(absolute(old), new)
+            case _:
+                raise _Nak(FtpError.UNKNOWN_COMMAND)
+        return (0, b"")
 
     def _list(self, request: _Request) -> list[tuple[int, bytes]]:
         entries = self._files.entries(request.path)
@@ -204,24 +235,7 @@ class FtpProtocol:
             raise _Nak(FtpError.FILE_NOT_FOUND)
         return content
 
-    def _open_file(self, request: _Request) -> list[tuple[int, bytes]]:
-        self._open = content = self._content(request)
-        return [(0, struct.pack("<I", len(content)))]
-
-    def _crc(self, request: _Request) -> list[tuple[int, bytes]]:
-        return [(0, struct.pack("<I", file_crc(self._content(request))))]
-
-    def _create_file(self, request: _Request) -> list[tuple[int, bytes]]:
-        path = self._new_path(request.path)
-        self._storage.files[path] = b""
-        self._written = path
-        return [(0, b"")]
-
-    def _open_to_write(self, request: _Request) -> list[tuple[int, bytes]]:
-        self._written = self._stored_file(request.path)
-        return [(0, struct.pack("<I", len(self._storage.files[self._written])))]
-
-    def _write(self, request: _Request) -> list[tuple[int, bytes]]:
+    def _write(self, request: _Request) -> None:
         before = self._storage.files.get(self._written or "")
         if self._written is None or before is None:
             raise _Nak(self._files.unopened)
@@ -230,27 +244,8 @@ class FtpProtocol:
             raise _Nak(FtpError.FAIL_ERRNO, _NO_SPACE)
         head = before[: request.offset].ljust(request.offset, b"\0")
         self._storage.files[self._written] = head + request.data + before[end:]
-        return [(request.offset, b"")]
 
-    def _truncate(self, request: _Request) -> list[tuple[int, bytes]]:
-        path = self._stored_file(request.path)
-        if not self._storage.takes(request.offset):
-            raise _Nak(FtpError.FAIL_ERRNO, _NO_SPACE)
-        content = self._storage.files[path]
-        self._storage.files[path] = content[: request.offset].ljust(request.offset, b"\0")
-        return [(0, b"")]
-
-    def _remove_file(self, request: _Request) -> list[tuple[int, bytes]]:
-        if not self._storage.logs.remove(absolute(request.path)):
-            del self._storage.files[self._stored_file(request.path)]
-        return [(0, b"")]
-
-    def _create_folder(self, request: _Request) -> list[tuple[int, bytes]]:
-        self._storage.folders.add(self._new_path(request.path))
-        return [(0, b"")]
-
-    def _remove_folder(self, request: _Request) -> list[tuple[int, bytes]]:
-        path = absolute(request.path)
+    def _remove_folder(self, path: str) -> None:
         entries = self._files.entries(path)
         if entries is None:
             raise _Nak(FtpError.FILE_NOT_FOUND)
@@ -259,19 +254,15 @@ class FtpProtocol:
         if path not in self._storage.folders:
             raise _Nak(FtpError.FILE_PROTECTED)
         self._storage.folders.remove(path)
-        return [(0, b"")]
 
-    def _rename(self, request: _Request) -> list[tuple[int, bytes]]:
-        old, _, new = request.path.partition("\0")
-        path = absolute(old)
+    def _rename(self, path: str, new: str) -> None:
         if path in self._storage.folders and not self._files.entries(path):
             self._storage.folders.add(self._new_path(new))
             self._storage.folders.remove(path)
-            return [(0, b"")]
+            return
         content = self._storage.files[self._stored_file(path)]
         self._storage.files[self._new_path(new)] = content
         del self._storage.files[path]
-        return [(0, b"")]
 
     def _new_path(self, name: str) -> str:
         """Return the path of a new file or folder.
@@ -301,17 +292,14 @@ class FtpProtocol:
             raise _Nak(FtpError.FILE_NOT_FOUND)
         raise _Nak(FtpError.FILE_PROTECTED)
 
-    def _read(self, request: _Request, pieces: int = 1) -> list[tuple[int, bytes]]:
+    def _read(self, request: _Request, most: int) -> list[tuple[int, bytes]]:
         if self._open is None:
             raise _Nak(self._files.unopened)
         if request.offset >= len(self._open):
             raise _Nak(FtpError.END_OF_FILE)
         size = min(request.size or DATA, DATA)
-        starts = range(request.offset, len(self._open), size)[:pieces]
+        starts = range(request.offset, len(self._open), size)[:most]
         return [(start, self._open[start : start + size]) for start in starts]
-
-    def _burst(self, request: _Request) -> list[tuple[int, bytes]]:
-        return self._read(request, BURST)
 
 
 def _reply(

@@ -61,19 +61,7 @@ class MissionProtocol:
         self._guide = guide
         self._timed_out = timed_out
         self._downloaded_s = -math.inf
-        self._upload = upload = MissionUpload(plans, rules)
-        self._handlers: dict[str, Callable[[float, Message], list[Reply]]] = {
-            "MISSION_COUNT": upload.start,
-            "MISSION_WRITE_PARTIAL_LIST": upload.start_partial,
-            "MISSION_ITEM_INT": self._take,
-            "MISSION_ITEM": self._take,
-            "MISSION_ACK": self._cancel,
-            "MISSION_REQUEST_LIST": self._count,
-            "MISSION_REQUEST_INT": self._item,
-            "MISSION_REQUEST": self._item,
-            "MISSION_CLEAR_ALL": self._clear,
-            "MISSION_SET_CURRENT": self._jump,
-        }
+        self._upload = MissionUpload(plans, rules)
 
     @property
     def is_idle(self) -> bool:
@@ -82,10 +70,26 @@ class MissionProtocol:
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take any message of the mission protocol."""
-        handler = self._handlers.get(message.get_type())
-        if handler is None:
-            return []
-        return handler(now_s, message)
+        replies: list[Reply] = []
+        match message.get_type():
+            case "MISSION_COUNT":
+                replies = self._upload.start(now_s, message)
+            case "MISSION_WRITE_PARTIAL_LIST":
+                replies = self._upload.start_partial(now_s, message)
+            case "MISSION_ITEM_INT" | "MISSION_ITEM":
+                replies = self._take(now_s, message)
+            case "MISSION_ACK":  # the end of a download, or a cancelled upload
+                self._upload.cancel(message)
+                self._downloaded_s = -math.inf
+            case "MISSION_REQUEST_LIST":
+                replies = self._count(now_s, message)
+            case "MISSION_REQUEST_INT" | "MISSION_REQUEST":
+                replies = self._item(now_s, message)
+            case "MISSION_CLEAR_ALL":
+                replies = self._clear(now_s, message)
+            case "MISSION_SET_CURRENT":
+                replies = self._set_current(now_s, message.seq)
+        return replies
 
     def advance(self, now_s: float) -> list[Reply]:
         """Request a missing item again, or give up the transfer."""
@@ -119,14 +123,6 @@ class MissionProtocol:
         obeyed = self._guide(now_s, read_item(message))
         result = MissionResult.ACCEPTED if obeyed else MissionResult.ERROR
         return [acknowledge(source_of(message), result, PlanKind.MISSION)]
-
-    def _jump(self, now_s: float, message: Message) -> list[Reply]:
-        return self._set_current(now_s, message.seq)
-
-    def _cancel(self, _now_s: float, message: Message) -> list[Reply]:
-        self._upload.cancel(message)
-        self._downloaded_s = -math.inf
-        return []
 
     def _count(self, now_s: float, message: Message) -> list[Reply]:
         partner = source_of(message)

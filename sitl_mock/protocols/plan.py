@@ -203,13 +203,16 @@ def item_fault(
         commands: Mission commands that the flavour knows.
         any_place: Whether coordinates and height are left unchecked, as PX4 does.
     """
-    if kind is PlanKind.FENCE:
-        return _fence_fault(item, any_place=any_place)
-    if kind is PlanKind.RALLY and item.command != RALLY_POINT:
+    known = {
+        PlanKind.MISSION: commands,
+        PlanKind.FENCE: POLYGONS | CIRCLES | {FENCE_RETURN},
+        PlanKind.RALLY: {RALLY_POINT},
+    }
+    if item.command not in known[kind]:
         return MissionResult.UNSUPPORTED
-    if kind is PlanKind.MISSION and item.command not in commands:
-        return MissionResult.UNSUPPORTED
-    if item.command in WITH_PLACE or kind is PlanKind.RALLY:
+    if item.command in POLYGONS and not 3.0 <= item.param1 < math.inf:
+        return MissionResult.ERROR
+    if item.command in WITH_PLACE or kind is not PlanKind.MISSION:
         return _place_fault(item, any_place=any_place)
     return (
         MissionResult.ACCEPTED
@@ -243,14 +246,6 @@ def plan_fault(kind: PlanKind, items: Sequence[PlanItem], *, any_radius: bool) -
             return MissionResult.INVALID
         at += size
     return MissionResult.ACCEPTED
-
-
-def _fence_fault(item: PlanItem, *, any_place: bool) -> MissionResult:
-    if item.command not in POLYGONS | CIRCLES | {FENCE_RETURN}:
-        return MissionResult.UNSUPPORTED
-    if item.command in POLYGONS and not 3.0 <= item.param1 < math.inf:
-        return MissionResult.ERROR
-    return _place_fault(item, any_place=any_place)
 
 
 def _place_fault(item: PlanItem, *, any_place: bool) -> MissionResult:

@@ -181,11 +181,6 @@ def _signed(value: float, like: float) -> float:
     return -value if like < 0.0 else value
 
 
-def _loiter(item: PlanItem) -> PlanItem:
-    radius_m = _signed(_stored_param("H", abs(item.param3)), item.param3)
-    return item._replace(param1=0.0, param2=0.0, param3=radius_m, param4=0.0)
-
-
 def _circles(item: PlanItem) -> PlanItem:
     """A number of turns in 8 bits, parts of one in 256ths; a radius in 8 bits, large ones in tens of metres."""
     part = 0.0 < item.param1 < 1.0
@@ -204,29 +199,26 @@ def _circles(item: PlanItem) -> PlanItem:
     )
 
 
-def _loiter_to_height(item: PlanItem) -> PlanItem:
-    radius_m = _signed(_stored_param("H", abs(item.param2)), item.param2)
-    return _rewritten(item, "000?")._replace(param2=radius_m)
-
-
-def _placing(item: PlanItem) -> PlanItem:
-    return _rewritten(item, "f000")._replace(param1=_stored_param("H", item.param1 * 100.0) / 100.0)
-
-
-def _engine(item: PlanItem) -> PlanItem:
-    return _rewritten(item, "??f0")._replace(
-        param3=_stored_param("H", item.param3 * 100.0) * 0.01, param4=float(int(item.param4) & 1)
-    )
-
-
 _ARDUPILOT_SPECIAL: Final[Mapping[int, Callable[[PlanItem], PlanItem]]] = {
-    17: _loiter,
+    17: lambda item: item._replace(
+        param1=0.0,
+        param2=0.0,
+        param3=_signed(_stored_param("H", abs(item.param3)), item.param3),
+        param4=0.0,
+    ),
     18: _circles,
     19: lambda item: _rewritten(item, "H00?")._replace(param3=_signed(1.0, item.param3)),
     21: lambda item: _rewritten(item, "H000")._replace(param4=_signed(1.0, item.param4)),
-    31: _loiter_to_height,
-    94: _placing,
-    223: _engine,
+    31: lambda item: _rewritten(item, "000?")._replace(
+        param2=_signed(_stored_param("H", abs(item.param2)), item.param2)
+    ),
+    94: lambda item: _rewritten(item, "f000")._replace(
+        param1=_stored_param("H", item.param1 * 100.0) / 100.0
+    ),
+    223: lambda item: _rewritten(item, "??f0")._replace(
+        param3=_stored_param("H", item.param3 * 100.0) * 0.01,
+        param4=float(int(item.param4) & 1),
+    ),
 }
 _ARDUPILOT_NUMBERS: Final[Mapping[int, str]] = {
     202: "BBf",

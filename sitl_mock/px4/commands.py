@@ -70,7 +70,7 @@ PLAIN: Final[Mapping[int, Answers]] = MappingProxyType(
 
 def reposition(px4: Px4, now_s: float, command: Command) -> Answers:
     """DO_REPOSITION: fly to a position in Hold; NaN keeps the present value, heights are AMSL in every frame."""
-    _, flags, _, _, lat, lon, alt = command.params
+    speed, flags, _, yaw, lat, lon, alt = command.params
     if not math.isfinite(flags) or int(flags) != 1:
         return UNSUPPORTED
     position = Place(*(0.0 if math.isnan(value) else value for value in (lat, lon, alt)))
@@ -79,35 +79,29 @@ def reposition(px4: Px4, now_s: float, command: Command) -> Answers:
     if px4.mode != "HOLD" and not px4.request(now_s, "HOLD"):
         return REFUSED
     px4.intention = "HOLD"
-    if px4.state.armed:
-        speed, _, _, yaw, _, _, _ = command.params
-        state = px4.state
-        plan = px4.plan
-        goal = _goal(px4, command)
-        if violated(px4.plans.fence.items, state.frame, goal):
-            state.say(Severity.CRITICAL, "Reposition is outside geofence")
-        else:
-            plan.goal_m = goal
-            plan.heading_kept = math.isfinite(yaw)
-            if speed > 0.0:
-                plan.speed_m_s = speed
-            if math.isfinite(yaw):
-                plan.yaw_rad = yaw if abs(yaw) <= 2.0 * math.pi else math.radians(yaw)
-    return ACCEPTED
-
-
-def _goal(px4: Px4, command: Command) -> Vector:
-    """The goal: a height alone keeps the horizontal position, a horizontal position alone keeps the height."""
-    lat, lon, alt = command.params[4:]
     state = px4.state
+    if not state.armed:
+        return ACCEPTED
+    # A height alone keeps the horizontal goal, a horizontal position alone keeps the height.
+    plan = px4.plan
     north, east, down = state.position_m
     if math.isfinite(lat + lon):
         north, east, _ = state.frame.to_local(lat, lon, 0.0)
-    elif math.isfinite(alt) and math.isfinite(px4.plan.goal_m[0]):
-        north, east, _ = px4.plan.goal_m
+    elif math.isfinite(alt) and math.isfinite(plan.goal_m[0]):
+        north, east, _ = plan.goal_m
     if math.isfinite(alt):
         down = state.frame.origin.alt_amsl_m - alt
-    return Vector((north, east, down))
+    goal_m = Vector((north, east, down))
+    if violated(px4.plans.fence.items, state.frame, goal_m):
+        state.say(Severity.CRITICAL, "Reposition is outside geofence")
+        return ACCEPTED
+    plan.goal_m = goal_m
+    plan.heading_kept = math.isfinite(yaw)
+    if speed > 0.0:
+        plan.speed_m_s = speed
+    if math.isfinite(yaw):
+        plan.yaw_rad = yaw if abs(yaw) <= 2.0 * math.pi else math.radians(yaw)
+    return ACCEPTED
 
 
 def change_altitude(px4: Px4, now_s: float, command: Command) -> Answers:

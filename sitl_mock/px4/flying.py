@@ -100,10 +100,21 @@ def takeoff_done(state: VehicleState, plan: ModePlan) -> bool:
 def land(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Descend at one position, slower near the ground (MPC_LAND_ALT1, ALT2, SPEED)."""
     goal = plan.goal_m if math.isfinite(plan.goal_m[0]) else plan.entered_m
+    parameters = state.parameters
+    height_m = state.ground_m - state.position_m[2]
+    if height_m <= float(parameters["MPC_LAND_ALT3"]):  # SIH has a range finder
+        down_m_s = float(parameters["MPC_LAND_CRWL"])
+    else:
+        fast_m_s = float(parameters["MPC_Z_V_AUTO_DN"])
+        slow_m_s = float(parameters["MPC_LAND_SPEED"])
+        upper_m = float(parameters["MPC_LAND_ALT1"])
+        lower_m = float(parameters["MPC_LAND_ALT2"])
+        share = min(max((height_m - lower_m) / max(upper_m - lower_m, 1e-6), 0.0), 1.0)
+        down_m_s = slow_m_s + (fast_m_s - slow_m_s) * share
     return Setpoint(
         Kind.TRAVEL,
         goal.level_with(_NAN),
-        Vector((_NAN, _NAN, _descent_m_s(state))),
+        Vector((_NAN, _NAN, down_m_s)),
         yaw_rad=plan.yaw_rad,
     )
 
@@ -112,19 +123,6 @@ def descend(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Descend without a position estimate."""
     speed = float(state.parameters["MPC_LAND_SPEED"])
     return Setpoint(Kind.TRAVEL, velocity_ned_m_s=Vector((0.0, 0.0, speed)), yaw_rad=plan.yaw_rad)
-
-
-def _descent_m_s(state: VehicleState) -> float:
-    parameters = state.parameters
-    height = state.ground_m - state.position_m[2]
-    fast = float(parameters["MPC_Z_V_AUTO_DN"])
-    slow = float(parameters["MPC_LAND_SPEED"])
-    upper = float(parameters["MPC_LAND_ALT1"])
-    lower = float(parameters["MPC_LAND_ALT2"])
-    if height <= float(parameters["MPC_LAND_ALT3"]):  # SIH has a range finder
-        return float(parameters["MPC_LAND_CRWL"])
-    share = min(max((height - lower) / max(upper - lower, 1e-6), 0.0), 1.0)
-    return slow + (fast - slow) * share
 
 
 def return_home(state: VehicleState, plan: ModePlan) -> Setpoint:

@@ -124,20 +124,6 @@ def _go_on(px4: Px4, event: str) -> None:
         px4.plan.heading_kept = True
 
 
-def _orbit(px4: Px4) -> Setpoint:
-    orbit = px4.plan.orbit
-    return (
-        Setpoint(Kind.BRAKE, yaw_rad=px4.plan.yaw_rad)
-        if orbit is None
-        else orbit.fly(px4.state, _STEP_S)
-    )
-
-
-def _follow(px4: Px4) -> Setpoint:
-    follow = px4.plan.follow
-    return Setpoint(Kind.BRAKE) if follow is None else follow.fly(px4.state, _STEP_S)
-
-
 def _land(px4: Px4) -> Setpoint:
     return flying.land(px4.state, px4.plan)
 
@@ -148,8 +134,20 @@ _TASKS: Final[Mapping[str, Callable[[Px4], Setpoint]]] = MappingProxyType(
         "TAKEOFF": _takeoff,
         "MISSION": _mission,
         "HOLD": _or_from_the_ground(lambda px4: flying.hold(px4.state, px4.plan)),
-        "FOLLOW": _or_from_the_ground(_follow),
-        "ORBIT": _in_the_air(_orbit),
+        "FOLLOW": _or_from_the_ground(
+            lambda px4: (
+                Setpoint(Kind.BRAKE)
+                if px4.plan.follow is None
+                else px4.plan.follow.fly(px4.state, _STEP_S)
+            )
+        ),
+        "ORBIT": _in_the_air(
+            lambda px4: (
+                Setpoint(Kind.BRAKE, yaw_rad=px4.plan.yaw_rad)
+                if px4.plan.orbit is None
+                else px4.plan.orbit.fly(px4.state, _STEP_S)
+            )
+        ),
         "RTL": _in_the_air(lambda px4: flying.return_home(px4.state, px4.plan)),
         "LAND": _in_the_air(_land),
         "PRECLAND": _in_the_air(_land),

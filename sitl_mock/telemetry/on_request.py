@@ -97,11 +97,6 @@ def _px4_motor_controls(report: Report) -> Fields:
     return (report.boot_us, (*(share,) * 4, *(0.0,) * 12), mode, 0)
 
 
-def _px4_outputs(report: Report) -> Fields:
-    pulses = px4.px4_servo_output_raw(report)[2:]
-    return (report.boot_us, 16, (*map(float, pulses), *(0.0,) * 16))
-
-
 def _px4_adsb_out(report: Report) -> Fields:
     fix = gps_raw_int(report)
     state = report.state
@@ -128,24 +123,26 @@ def _px4_metadata(report: Report) -> Fields | None:
     return (report.boot_ms, crc, uri)
 
 
-def _px4_radio(report: Report) -> Fields | None:
-    """RC_CHANNELS: only after a radio or RC_CHANNELS_OVERRIDE was heard; MANUAL_CONTROL does not count."""
-    pilot = report.state.pilot
-    return rc_channels(report) if pilot.channels or pilot.radio_s > -math.inf else None
-
-
 PX4_ON_REQUEST: Mapping[str, Build] = MappingProxyType(
     {
         "AUTOPILOT_VERSION": autopilot_version,
         "COMPONENT_METADATA": _px4_metadata,
-        "RC_CHANNELS": _px4_radio,
+        # Only after a radio or RC_CHANNELS_OVERRIDE was heard; MANUAL_CONTROL does not count.
+        "RC_CHANNELS": lambda report: (
+            rc_channels(report)
+            if report.state.pilot.channels or report.state.pilot.radio_s > -math.inf
+            else None
+        ),
         "SCALED_IMU": _px4_scaled_imu,
         "HIL_ACTUATOR_CONTROLS": _px4_motor_controls,
         "HIGH_LATENCY2": _px4_high_latency,
         "AUTOPILOT_STATE_FOR_GIMBAL_DEVICE": lambda report: _gimbal_state(
             report, px4.estimator_status(report)[1], report.commander.landed_state, 0
         ),
-        "ACTUATOR_OUTPUT_STATUS": _px4_outputs,
+        "ACTUATOR_OUTPUT_STATUS": lambda report: (
+            *(report.boot_us, 16),
+            (*map(float, px4.px4_servo_output_raw(report)[2:]), *(0.0,) * 16),
+        ),
         "UAVIONIX_ADSB_OUT_CFG": lambda _report: (1194684, b"", 14, 1, 0, 0, 700, 2),
         "UAVIONIX_ADSB_OUT_DYNAMIC": _px4_adsb_out,
         "OPEN_DRONE_ID_BASIC_ID": _px4_drone_id,
