@@ -36,6 +36,7 @@ class StreamRules:
         fixed: Messages whose rate cannot be changed.
         unlisted: Messages that are sent but that SET_MESSAGE_INTERVAL does not know.
         on_change: Messages that an accepted interval does not repeat: they come when they change, and on request.
+        begun_hz: Rates of messages that come from the start but have no default: asking for it silences them.
         unknown_interval: Answer to SET_MESSAGE_INTERVAL for an unknown message.
         empty_request: Answer to a request for a message that has no content yet, as home before its position is known.
         unknown_request: Answer to REQUEST_MESSAGE for one.
@@ -48,6 +49,7 @@ class StreamRules:
     fixed: frozenset[str] = frozenset()
     unlisted: frozenset[str] = frozenset()
     on_change: frozenset[str] = frozenset()
+    begun_hz: Mapping[str, float] = field(default_factory=dict)
     unknown_interval: Result = Result.FAILED
     empty_request: Result = Result.DENIED
     unknown_request: Result = Result.DENIED
@@ -74,7 +76,8 @@ class Streams:
         self._default_s = {
             name: 1.0 / hz for name, hz in default_hz.items() if name in offered and hz > 0.0
         }
-        self._interval_s = dict(self._default_s)
+        begun_s = {name: 1.0 / hz for name, hz in rules.begun_hz.items() if name in offered}
+        self._interval_s = self._default_s | begun_s
         self._queue: list[tuple[float, int, str, float]] = []  # when, which first, what, how often
         self._order = {
             name: index
@@ -173,6 +176,8 @@ class Streams:
     def _start(self, now_s: float) -> None:
         self._started = True
         for index, (name, interval_s) in enumerate(self._interval_s.items()):
+            if name in self.rules.on_change:
+                continue
             phase = 0.0 if name in self.rules.fixed or name == "HEARTBEAT" else index * GOLDEN % 1.0
             self._queue.append((now_s + phase * interval_s, self._order[name], name, interval_s))
         heapify(self._queue)
@@ -272,7 +277,8 @@ ARDUPILOT_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0, "TIMESYNC": 0.1}
 PX4_STREAM_RULES: Final = StreamRules(
     fixed=frozenset({"HEARTBEAT"}),
     unlisted=frozenset({"CURRENT_EVENT_SEQUENCE", "MISSION_CURRENT"}),
-    on_change=frozenset({"COMPONENT_METADATA", "GPS_GLOBAL_ORIGIN"}),
+    on_change=frozenset({"COMPONENT_METADATA", "GPS_GLOBAL_ORIGIN", "STATUSTEXT"}),
+    begun_hz={"STATUSTEXT": 20.0},
     unknown_interval=Result.FAILED,
     unknown_request=Result.DENIED,
     old_requests={410: 242, 519: 300, 525: 261, 528: 264},

@@ -59,6 +59,7 @@ _GET_INTERVAL = 510
 _REQUEST_MESSAGE = 512
 _CAPABILITIES = 520
 _AVAILABLE_MODES = 435
+_STATUSTEXT = 253
 _SEND_BANNER: Final = 42428
 _SET_GLOBAL_ORIGIN = 611
 _LOGGING_START = 2510
@@ -141,11 +142,16 @@ class Link:
     def say(self, now_s: float, texts: Sequence[Reply]) -> list[bytes]:
         """Return the frames of texts; none if this link sends no STATUSTEXT, or not before a station is heard."""
         always = self.autopilot.texts
-        if always or (always is None and now_s - self._ground_s <= _GROUND_HEARD_S):
+        is_heard = now_s - self._ground_s <= _GROUND_HEARD_S
+        if not self._is_silenced() and (always or (always is None and is_heard)):
             return self.pack(texts)
         if always is None:
             self._waiting_texts.extend((now_s, text) for text in texts)
         return []
+
+    def _is_silenced(self) -> bool:
+        """True if SET_MESSAGE_INTERVAL stopped this link's texts; asking for the default interval stops PX4's, too."""
+        return self.streams.interval_us(_STATUSTEXT) < 0
 
     def receive(self, now_s: float, data: bytes) -> list[bytes]:
         """Take a datagram or a sample; return the frames that answer it."""
@@ -176,8 +182,9 @@ class Link:
                         for said_s, text in self._waiting_texts
                         if now_s - said_s < _TEXT_WAITS_S
                     ]
-                    self._waiting_texts.clear()
-                    frames += self.pack(texts)
+                    if not self._is_silenced():
+                        self._waiting_texts.clear()
+                        frames += self.pack(texts)
                 self.autopilot.take(now_s, message)
             elif replies or self._requested:
                 frames += self.pack(replies)

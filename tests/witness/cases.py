@@ -153,7 +153,36 @@ ALL_STREAMS = "every accepted message at 5 Hz: those that come on the ground"
 def accepted_intervals(client: Client) -> str:
     """Ask for the default interval; after it no stream differs."""
     accepted = accepted_messages(client, 0)
+    bring_texts(client)
     return f"{len(accepted)} accepted: {', '.join(map(str, accepted))}"
+
+
+@case("texts of arming after SET_MESSAGE_INTERVAL of STATUSTEXT: never, default, stop, 20 Hz")
+def text_interval(client: Client) -> str:
+    answers = ["never"]
+    shown = [arming_texts(client)]
+    for interval_us in (0, -1, TEXT_US):
+        answers.append(client.command(511, dialect.MAVLINK_MSG_ID_STATUSTEXT, interval_us))
+        shown.append(arming_texts(client))
+    return "; ".join(f"{answer}: {texts}" for answer, texts in zip(answers, shown, strict=True))
+
+
+def arming_texts(client: Client) -> str:
+    """Arm and disarm; return how many texts come."""
+    client.gather("STATUSTEXT", 5.5)  # PX4 sends texts of the last five seconds afterwards
+    client.command(400, 1)
+    came = client.gather("STATUSTEXT", 1.5)
+    client.command(400, 0)
+    came += client.gather("STATUSTEXT", 1.5)
+    return "texts" if came else "none"
+
+
+TEXT_US = 50_000
+
+
+def bring_texts(client: Client) -> None:
+    """Let PX4 send texts again: asking for their default interval stops them."""
+    client.command(511, dialect.MAVLINK_MSG_ID_STATUSTEXT, TEXT_US)
 
 
 @case(ALL_STREAMS)
@@ -167,6 +196,9 @@ def streams_of_all(client: Client) -> str:
             came.add(message.get_msgId())
     for number in accepted:
         client.command(511, number, 0)
+    bring_texts(client)
+    # The autopilot also sends a parameter that it saves by itself, such as the declination at its first position.
+    came.discard(dialect.MAVLINK_MSG_ID_PARAM_VALUE)
     return ", ".join(str(number) for number in accepted if number in came)
 
 

@@ -411,6 +411,21 @@ def test_row_08_texts_go_to_a_ground_station_and_events_to_everybody(fly):
     assert silent.last("CURRENT_EVENT_SEQUENCE").sequence == numbers[-1]
 
 
+@pytest.mark.parametrize("interval_us", [0.0, -1.0])
+def test_texts_have_no_default_interval_so_asking_for_it_silences_them(fly, interval_us):
+    flight = fly("px4")
+    heartbeat = ("HEARTBEAT", 6, 8, 0, 0, 4, 3)
+    flight.run(2.0, heartbeat, every_s=1.0)
+    assert flight.command(511, 253.0, interval_us) == [0]
+    assert flight.command(400, 1.0) == [0]
+    flight.run(6.0, heartbeat, every_s=1.0)
+    assert flight.texts() == []
+    assert flight.command(511, 253.0, 50_000.0) == [0]
+    assert flight.command(400, 0.0) == [0]
+    flight.run(1.5, heartbeat, every_s=1.0)
+    assert flight.texts() == ["Disarmed by external command"]
+
+
 def test_row_08_a_missed_event_is_sent_again_and_one_that_is_gone_is_named(fly):
     flight = fly("px4").run(1.0)
     for _ in range(12):
