@@ -15,6 +15,7 @@ from guidance.session.orders.control_client import (
     control_key,
     join_session,
     order_team,
+    replies,
     say_alive,
 )
 from guidance.session.orders.control_token import ControlToken
@@ -110,7 +111,13 @@ def test_every_other_order_goes_to_the_team_at_once_and_names_who_is_silent():
         ("uav3", False),
     ]
     assert answered[0]["state"] == "holding"
-    assert (answered[2]["state"], answered[2]["reason"]) == ("not heard", "no answer in 1.5 s")
+    assert answered[2] == {
+        "accepted": False,
+        "name": "uav3",
+        "order": "hold",
+        "state": "not heard",
+        "reason": "no answer in 1.5 s",
+    }
 
 
 def test_the_named_vehicles_of_a_team_are_asked_each_and_no_other_one_is_told_of():
@@ -212,6 +219,12 @@ def test_one_answer_of_each_vehicle_that_was_asked_is_read_and_a_bad_one_is_its_
     largest = b'{"accepted": true}'.ljust(MAX_REPLY_BYTES)
     (answer,) = answers(Bus(uav1=largest), "uav1", "status", 1.0)
     assert answer["accepted"]
+
+
+def test_who_only_looks_asks_without_a_sender_and_whatever_the_team():
+    bus = Bus(uav1={})
+    assert [answer["name"] for answer in replies(bus, "*", "status", 1.0)] == ["uav1"]
+    assert bus.asked == [asked_of("guidance/*/ctl/status", 1.0, None)]
 
 
 def test_a_sign_of_life_waits_for_no_answer():

@@ -60,9 +60,11 @@ def join_session(
         token_words = (
             f"there is no token in {path}" if token is None else f"the token in {path} was shown"
         )
-        silence = f"no session within {timeout_s:g} s: no daemon is there, or it does not let us in ({token_words})"
-        remedy = "is `guidance run` running, by the same user? --token-file says where another daemon's token lies"
-        raise LinkError(f"control {endpoint}: {silence}; {remedy}") from error
+        raise LinkError(
+            f"control {endpoint}: no session within {timeout_s:g} s: no daemon is there, or it does not let us in "
+            f"({token_words}); is `guidance run` running, by the same user? --token-file says where another daemon's "
+            "token lies"
+        ) from error
 
 
 def ask(
