@@ -141,8 +141,8 @@ FUNCTIONS_ONLY = frozenset({"guidance/control/limits.py"})
 """Files whose tables are not mutated: defaults and bounds of the vehicle file, which only a copy would notice."""
 
 PYTEST = (
-    "-q", "--tb=no", "--assert=plain", "-p", "pytest_asyncio.plugin", "-p", "_hypothesis_pytestplugin", "-p", "no:cacheprovider", "-s",
-    "-m", "not costly and not slow and not flight and not long and not arrays",
+    "-q", "-s", "--tb=no", "--assert=plain", "-p", "pytest_asyncio.plugin", "-p", "_hypothesis_pytestplugin",
+    "-p", "no:cacheprovider", "-m", "not costly and not slow and not flight and not long and not arrays",
 )  # fmt: skip
 ENVIRONMENT = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "HYPOTHESIS_PROFILE": "mutants"}
 
