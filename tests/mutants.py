@@ -146,7 +146,7 @@ PYTEST = (
 )  # fmt: skip
 ENVIRONMENT = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "HYPOTHESIS_PROFILE": "mutants"}
 
-LONGEST_S = 1200
+LONGEST_S = 300
 """Time after which a fork counts as noticed; it may wait for something that never comes."""
 
 LEAST_PROCESSOR_S = 10.0
