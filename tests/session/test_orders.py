@@ -1,12 +1,15 @@
 """Orders' mailbox: an order is answered once, by whom it was asked, before the loop runs and when it hangs."""
 
-from guidance.autopilots import PX4, Mode
+import pytest
+
+from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.clock import VirtualClock
 from guidance.flight import Authority, EngageOn, Event, State
-from guidance.preflight import Facts, parameter_names, refusals
+from guidance.preflight import Facts, engage_rows, parameter_names, refusals
 from guidance.session.orders import mailbox as mailbox_module
 from guidance.session.orders.mailbox import (
     ANSWER_LIMIT_S,
+    FENCE_WITHIN_S,
     HANDOVER_LIMIT_S,
     MOST_ORDERS,
     MOST_QUERIES,
@@ -35,9 +38,10 @@ def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
 
 def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
     clock = VirtualClock()
+    clock.sleep_until(1.0)
     mailbox = Mailbox()
     mailbox.meanwhile = startup_answers("uav1", "a HEARTBEAT of system 1 at udp://", 30.0, clock)
-    clock.sleep_until(2.5)
+    clock.sleep_until(3.54)
     status = mailbox.ask("status").result(0.0)
     assert status == {
         "accepted": True,
@@ -151,6 +155,7 @@ def test_a_process_that_ends_waits_for_a_vehicle_on_the_ground_to_be_disarmed():
 def test_the_queues_and_time_limits_of_orders_are_these():
     assert (MOST_ORDERS, MOST_QUERIES) == (64, 256)
     assert (ANSWER_LIMIT_S, HANDOVER_LIMIT_S, READ_WITHIN_S) == (2.0, 12.0, 1.5)
+    assert FENCE_WITHIN_S == 10.0
     assert sorted(ORDER_OF) == ["hold", "land", "return"]
     assert [str(ORDER_OF[word]) for word in sorted(ORDER_OF)] == sorted(ORDER_OF)
 
@@ -168,7 +173,8 @@ class Survey:
     def fence_read_since(self, since_s):
         return self.fence_read_s is not None and self.fence_read_s >= since_s
 
-    def facts(self, vehicle, _now_s):
+    def facts(self, vehicle, now_s):
+        self.judged_s = now_s
         return Facts(vehicle=vehicle)
 
     def read_again(self, names):
@@ -182,6 +188,7 @@ def test_an_engage_order_waits_until_parameters_and_fence_were_read_again():
     flown = Flown().standing_by()
     survey = Survey()
     engaging = Engaging(flown.flight, survey, None)
+    assert engaging.bars_the_pilot == ()
     assert engaging.due(10.0) is None
     first = Question("engage")
     second = Question("engage")
@@ -207,17 +214,30 @@ def test_what_is_not_read_in_time_is_judged_without_it_and_the_fence_is_read_on(
     engaging.wait(question, 10.0)
     assert engaging.due(10.0 + READ_WITHIN_S - 0.01) is None
     assert engaging.due(10.0 + READ_WITHIN_S) == (question,)
+    assert survey.judged_s == 10.0 + READ_WITHIN_S
     assert "COM_OF_LOSS_T" in refusals(engaging.rows)
     assert any("0 of 4 items" in row.value for row in engaging.rows)
-    engaging.wait(question, 15.0)
+    assert engaging.bars_the_pilot == ()
+    engaging.wait(question, 10.0 + FENCE_WITHIN_S)
     assert survey.asked.count("fence") == 1
     survey.parameters_complete = True
-    survey.fence_read_s = 15.1
-    assert engaging.due(15.1) == (question,)
-    assert not any("0 of 4 items" in row.value for row in engaging.rows)
-    engaging.wait(question, 16.0)
+    survey.fence_read_s = 20.1
+    assert engaging.due(20.1) == (question,)
+    facts = Facts(vehicle=flown.flight.vehicle)
+    assert engaging.rows == engage_rows(facts, PX4, wants_of())
+    engaging.wait(question, 21.0)
     assert survey.asked.count("fence") == 2
     assert engaging.give_up() == (question,)
+
+
+@pytest.mark.parametrize("announces", [False, True])
+def test_only_what_an_engagement_needs_is_read_again(announces):
+    survey = Survey()
+    survey.version = ARDUCOPTER.versions[0]
+    Engaging(Flown().flight, survey, wants_of(announces=announces)).wait(Question("engage"), 10.0)
+    needed = parameter_names(survey.version, announces=announces, only_needed=True)
+    assert survey.asked == [needed, "fence"]
+    assert set(needed) < set(parameter_names(survey.version, announces=announces))
 
 
 def test_a_pilots_switch_waits_for_the_same_and_is_barred_by_name():
@@ -233,3 +253,9 @@ def test_a_pilots_switch_waits_for_the_same_and_is_barred_by_name():
     assert "fence" in survey.asked
     assert engaging.due(10.0 + READ_WITHIN_S) == ()
     assert "COM_OF_LOSS_T" in engaging.bars_the_pilot
+    begun = Survey()
+    assert Engaging(flown.flight, begun, wants_of()).due(10.0) is None
+    assert "fence" in begun.asked
+    without = Engaging(flown.flight, Survey(), None)
+    assert without.due(10.0) is None
+    assert without.bars_the_pilot == ()
