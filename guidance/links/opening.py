@@ -35,6 +35,7 @@ def open_wire(
     signing_key: SigningKey | None = None,
     credentials: Credentials = NO_CREDENTIALS,
     timeout_s: float = 5.0,
+    rest_s: float = 0.0,
 ) -> Wire:
     """Open the wire behind a URL.
 
@@ -45,6 +46,7 @@ def open_wire(
         signing_key: Theirs: each is accepted from an address or a connection only after a validly signed frame.
         credentials: For a Zenoh router.
         timeout_s: Limit for connecting (TCP, Zenoh), in real time.
+        rest_s: How late a stamp may be over UDP, to wake the processor less often.
 
     Raises:
         ConfigError: If the URL has none of the allowed forms.
@@ -64,9 +66,9 @@ def open_wire(
     port = endpoint.port
     match endpoint.scheme:
         case "udpin":
-            return UdpWire(clock, host, port, pins=AddressPins(systems, checks))
+            return UdpWire(clock, host, port, pins=AddressPins(systems, checks), rest_s=rest_s)
         case "udpout":
-            return UdpWire(clock, host, port)
+            return UdpWire(clock, host, port, rest_s=rest_s)
         case "tcpin":
             return TcpInWire(clock, host=host, port=port, systems=systems, checks=checks)
     return TcpWire(clock, host=host, port=port, timeout_s=timeout_s)

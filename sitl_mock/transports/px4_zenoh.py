@@ -137,9 +137,9 @@ class Px4ZenohEndpoint:
             for vehicle, domain in self._domains.items():
                 for topic, message in SUBSCRIBED.items():
                     key = key_of(domain, "in", topic, message)
-                    self._subscribers.append(
-                        session.declare_subscriber(key, self._taker(vehicle, topic))
-                    )
+                    # Without a Python thread for each, which would abort the process if it woke while that ends
+                    hear = zenoh.handlers.Callback(self._taker(vehicle, topic), indirect=False)
+                    self._subscribers.append(session.declare_subscriber(key, hear))
                 for topic, message in PUBLISHED.items():
                     key = key_of(domain, "out", topic, message)
                     publisher = session.declare_publisher(

@@ -8,6 +8,7 @@ import contextlib
 import select
 import socket
 import threading
+import time
 from collections import Counter, deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -228,8 +229,23 @@ class UdpWire(QueuedWire):
         reading: Held by the thread that reads the socket.
     """
 
-    def __init__(self, clock: Clock, host: str, port: int, pins: AddressPins | None = None) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        host: str,
+        port: int,
+        pins: AddressPins | None = None,
+        *,
+        rest_s: float = 0.0,
+    ) -> None:
         """Open the socket. With `pins` it listens for the systems that they accept; without, it calls the address.
+
+        Args:
+            clock: Stamps what arrives.
+            host: To listen at or to call.
+            port: To listen at or to call.
+            pins: Accepts systems.
+            rest_s: The reader thread rests so long after it has read everything; a stamp may be so much late.
 
         Raises:
             LinkError: If the address cannot be bound or resolved.
@@ -237,6 +253,7 @@ class UdpWire(QueuedWire):
         super().__init__(clock)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._pins = pins
+        self._rest_s = rest_s
         try:
             # Of a connected socket, the kernel drops datagrams from all other addresses.
             (self._socket.connect if pins is None else self._socket.bind)((host, port))
@@ -263,18 +280,22 @@ class UdpWire(QueuedWire):
 
     def _watch(self) -> None:
         """Wait for datagrams, on the reader thread."""
-        if self._watched.poll(_WAIT_MS):
-            self._take_in()
+        if self._watched.poll(_WAIT_MS) and self._take_in() and self._rest_s > 0.0:
+            time.sleep(self._rest_s)
 
-    def _take_in(self) -> None:
-        """Queue up to `_BATCH` datagrams from the kernel, as far as they are accepted, unless the other thread does."""
+    def _take_in(self) -> bool:
+        """Queue up to `_BATCH` datagrams from the kernel, as far as they are accepted, unless the other thread does.
+
+        Returns:
+            True if the kernel holds no more.
+        """
         if not self.reading.acquire(blocking=False):
-            return
+            return True
         try:
             for _ in range(_BATCH):
                 # Cheaper than the exception: 20 µs on a cold processor
                 if not self._readable.poll(0):
-                    break
+                    return True
                 data, address = self._socket.recvfrom(_DATAGRAM_BYTES)
                 now_s = self._clock()
                 if self._pins is not None:
@@ -285,6 +306,7 @@ class UdpWire(QueuedWire):
             pass  # nothing listens at the port that we call; it may later
         finally:
             self.reading.release()
+        return False
 
     def receive(self) -> Sequence[Packet]:
         """Return the datagrams since the last call, including those that the kernel still holds.

@@ -31,6 +31,9 @@ from guidance.session.orders.control_bus import control_bus, owner_token
 from guidance.session.orders.mailbox import Mailbox, startup_answers
 from guidance.session.vehicle_file import Config
 
+_REST_S = 0.1
+"""How late what comes beside a link may be stamped: parameters, texts and home are no telemetry."""
+
 
 def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Session]:
     """Take orders where a configuration says, by the certificates of its router where that judges who may order.
@@ -86,6 +89,9 @@ def open_all(
             systems=systems,
             signing_key=key,
             credentials=credentials,
+            rest_s=_REST_S
+            if vehicle.mavlink_url != vehicle.url and evader.url is not None
+            else 0.0,
         )
     if wire is not None:
         closed.callback(wire.close)
