@@ -4,7 +4,7 @@ With `--px4 URL` or `--arducopter URL` all flights are flown on that SITL in rea
 autopilots fly at the same time. Without a URL each flight gets its own mock over UDP, with the autopilots that its case
 lists, some of them in virtual time; `--all` flies every case on both in real time. PX4's mock flies two of them also as
 a flight mode over its own topics. Several mocks fly at a time.
-With `--team URL URL URL` three autopilots fly as a team.
+With `--team URL URL URL` three autopilots fly as a team. With `--px4-mode` PX4 is flown as a flight mode.
 """
 
 import argparse
@@ -379,7 +379,9 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "--px4-mode",
         metavar="URL",
-        help="with --px4: fly as a mode of PX4 on its Zenoh router, zenoh+tcp://127.0.0.1:7447",
+        nargs="+",
+        default=[],
+        help="with --px4: fly as a mode of PX4 on its Zenoh router, zenoh+tcp://127.0.0.1:7447; with --team: three",
     )
     parser.add_argument("--report", type=Path, help="folder for records, pictures and the table")
     parser.add_argument("--only", default="", help="flights with these words in their name")
@@ -387,6 +389,8 @@ def main(arguments: Sequence[str]) -> int:
         "--all", action="store_true", help="without a URL: every flight on both mocks"
     )
     given = parser.parse_args(arguments)
+    if given.px4_mode and len(given.px4_mode) != len(given.team or [given.px4]):
+        parser.error("--px4-mode: as many URLs as vehicles")
     if given.report is not None and given.report.exists() and any(given.report.iterdir()):
         parser.error(
             f"--report {given.report}: is not empty; flights already flown stay, so give a new folder"
@@ -420,7 +424,8 @@ def main(arguments: Sequence[str]) -> int:
             if getattr(given, autopilot)
         }
         if given.team:
-            fly_all(given.team, folder / "team", tell, given.only)
+            modes = given.px4_mode or [None] * len(given.team)
+            fly_all(given.team, modes, folder / "team", tell, given.only)
         elif urls:
             threads = [
                 threading.Thread(
@@ -432,7 +437,7 @@ def main(arguments: Sequence[str]) -> int:
                         folder / name,
                         tell,
                         given.only,
-                        given.px4_mode if name == "px4" else None,
+                        given.px4_mode[0] if given.px4_mode and name == "px4" else None,
                     ),
                 )
                 for name, url in urls.items()

@@ -193,9 +193,13 @@ def vehicle_file(
         "name": name,
         "vehicle": {
             "autopilot": relay.profile.name,
-            "url": relay.client_url,
             "system_id": relay.found.system_id,
             "component_id": relay.found.component_id,
+            **(
+                {"url": relay.client_url}
+                if relay.mode_url is None
+                else {"link": "zenoh", "url": relay.mode_url, "parameters": relay.client_url}
+            ),
         },
         "evader": heard[first],
         "game": {
@@ -326,9 +330,10 @@ class _Listener(ZenohTeam):
 def fly(case: Case, relays: dict[str, Relay], folder: Path) -> Iterator[Line]:
     """Fly one case; yield its lines."""
     kinds = "+".join(relays[name].profile.name for name in NAMES)
+    link = "pymavlink" if relays[NAMES[0]].mode_url is None else "zenoh"
 
     def line(wanted: str, got: object, held: bool) -> Line:
-        return Line(kinds, case.name, "pymavlink", wanted, str(got), held=held)
+        return Line(kinds, case.name, link, wanted, str(got), held=held)
 
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
@@ -474,19 +479,27 @@ def _repeat(done: Callable[[], bool], within_s: float) -> bool:
 
 
 @contextmanager
-def relays_to(urls: Sequence[str]) -> Iterator[dict[str, Relay]]:
+def relays_to(urls: Sequence[str], mode_urls: Sequence[str | None]) -> Iterator[dict[str, Relay]]:
     """Open a relay to each vehicle."""
     with ExitStack() as stack:
         yield {
-            name: stack.enter_context(closing(Relay(url, free_udp_port({"uav1": "px4"}))))
-            for name, url in zip(NAMES, urls, strict=True)
+            name: stack.enter_context(
+                closing(Relay(url, free_udp_port({"uav1": "px4"}), mode_url=mode_url))
+            )
+            for name, url, mode_url in zip(NAMES, urls, mode_urls, strict=True)
         }
 
 
-def fly_all(urls: Sequence[str], folder: Path, tell: Callable[[Line], None], only: str) -> None:
-    """Fly all cases one after another, on the same vehicles."""
+def fly_all(
+    urls: Sequence[str],
+    mode_urls: Sequence[str | None],
+    folder: Path,
+    tell: Callable[[Line], None],
+    only: str,
+) -> None:
+    """Fly all cases one after another, on the same vehicles; as modes of PX4 where there are URLs of its Zenoh."""
     for number, case in enumerate(one for one in CASES if only in one.name):
-        with relays_to(urls) as relays:
+        with relays_to(urls, mode_urls) as relays:
             for relay in relays.values():
                 for parameter in SET_UP[relay.profile.name].items():
                     relay.set(*parameter)

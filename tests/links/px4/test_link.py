@@ -140,11 +140,14 @@ def test_of_the_positions_since_the_last_call_the_newest_comes_stamped_on_arriva
     assert before_s <= stamps[0]
     assert stamps == sorted(stamps)
     assert stamps[-1] <= time.monotonic()
+    looked_s = time.monotonic()
+    rig.link.receive()
     rig.peer.local_position(60)
     rig.peer.local_position(61)
     time.sleep(0.2)
     (newest,) = [one for one in rig.link.receive() if isinstance(one, LocalPosition)]
     assert newest.time_boot_s == 0.061
+    assert looked_s <= newest.received_s <= time.monotonic() - 0.1
 
 
 def test_of_a_hundred_battery_messages_the_newest_is_read(rig):

@@ -282,6 +282,27 @@ def test_udp_receive_reads_the_socket_itself_a_bounded_number_at_once(monkeypatc
         assert [data for _, data in wire.receive()] == [FRAME]
 
 
+def test_a_udp_reader_rests_only_after_it_has_read_everything(monkeypatch):
+    reads = []
+    rests = []
+
+    def asleep(read, *, name):
+        reads.append(read)
+        return Asleep(read, name=name)
+
+    monkeypatch.setattr(udp, "Reader", asleep)
+    monkeypatch.setattr(udp.time, "sleep", rests.append)
+    wire = UdpWire(clock, "127.0.0.1", 0, AddressPins({1}), rest_s=0.1)
+    with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        for data in map(numbered, range(20)):
+            vehicle.sendto(data, ("127.0.0.1", wire.port))
+        reads[0]()
+        assert rests == []
+        reads[0]()
+        assert rests == [0.1]
+        assert len(wire.receive()) == 20
+
+
 def test_udp_keeps_the_order_while_the_loop_and_the_reader_both_read():
     got = list[bytes]()
     wire = UdpWire(clock, "127.0.0.1", 0, AddressPins({1}))
