@@ -78,9 +78,22 @@ ANSWERS = (
     "tests/flight/test_far_evader.py",
     "tests/flight/test_second_sender.py",
     "tests/flight/test_late.py",
-    "tests/session/test_daemon.py",
-    "tests/session/test_daemon_engaging.py",
 )
+SOCKET = tuple(
+    f"tests/session/test_control_socket.py::test_{name}"
+    for name in (
+        "an_order_arrives_with_its_giver_and_is_answered",
+        "without_a_token_or_a_daemon_there_is_no_answer",
+        "a_socket_left_by_a_killed_daemon_counts_as_none_and_is_replaced",
+        "another_token_another_name_and_an_unknown_order_are_errors",
+        "the_socket_has_the_rights_of_the_token_file",
+        "a_path_too_long_for_the_kernel_works",
+        "whatever_is_sent_orders_nothing_and_the_next_order_is_taken",
+        "a_daemon_of_an_older_version_gets_no_order_that_is_meant_for_a_team",
+        "orders_are_taken_again_after_a_moment_without_a_free_descriptor",
+    )
+)
+"""Those that start no process: another process imports the file as it is on the disk."""
 TESTS: Mapping[str, Sequence[str]] = {
     "guidance/vehicle.py": (
         "tests/test_vehicle_jumps.py",
@@ -120,15 +133,11 @@ TESTS: Mapping[str, Sequence[str]] = {
     "guidance/session/orders/answers.py": ANSWERS,
     "guidance/session/orders/control_bus.py": ("tests/session/test_control_bus_queries.py",),
     "guidance/session/orders/control_client.py": ("tests/session/test_control_client.py",),
-    "guidance/session/orders/control_socket.py": ("tests/session/test_control_socket.py",),
+    "guidance/session/orders/control_socket.py": SOCKET,
     "guidance/session/orders/control_token.py": ("tests/session/test_control_token.py",),
-    "guidance/session/orders/mailbox.py": (
-        "tests/session/test_orders.py",
-        "tests/session/test_daemon_engaging.py",
-        "tests/session/test_uploaded_fence.py",
-    ),
+    "guidance/session/orders/mailbox.py": ("tests/session/test_orders.py",),
     "guidance/session/orders/replies.py": ("tests/session/test_replies.py",),
-    "guidance/session/orders/socket_client.py": ("tests/session/test_control_socket.py",),
+    "guidance/session/orders/socket_client.py": SOCKET,
     "guidance/session/orders/words.py": (
         "tests/session/test_orders.py",
         "tests/session/test_control_socket.py",
@@ -476,8 +485,8 @@ def _fork(work: Callable[[], object], processor_s: float) -> int:
         nothing = os.open(os.devnull, os.O_RDWR)
         for stream in (0, 1, 2):
             os.dup2(nothing, stream)
-        signal.alarm(LONGEST_S)
         if processor_s < math.inf:
+            signal.alarm(LONGEST_S)
             limit_s = math.ceil(processor_s)
             resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
         work()
