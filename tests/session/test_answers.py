@@ -1,11 +1,13 @@
 """What people are told of a flight that the test feeds by hand: status, reasons of refusals, and what to order next."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from guidance.autopilots import Finding, Mode
-from guidance.flight import Event, State
+from guidance.flight import Event, Inputs, State
+from guidance.frames import Enu
 from guidance.messages import EvaderReport, SystemStatus
 from guidance.session.orders.answers import (
     flight_line,
@@ -17,8 +19,9 @@ from guidance.session.orders.answers import (
     status,
     to_do,
 )
+from tests.flight import scenes
 from tests.flight.flown import Flown
-from tests.flight.scenes import settings_of
+from tests.flight.scenes import CYCLE, HOME_DOWN_M, QUIET, local, settings_of
 
 REFUSED = Finding.of(False, "GF_ACTION", "0", "2", "set it")
 PASSED = Finding.of(True, "GF_MAX", "1", "1", "")
@@ -91,6 +94,50 @@ def test_the_status_of_a_game_has_these_fields():
     accepted = {order for order, reason in refused.items() if not reason}
     assert accepted == {"abort", "hold", "land", "return"}
     assert refused["start"] == f"under way already: {refused['engage']}"
+
+
+def test_the_numbers_of_a_status_are_rounded_and_a_height_of_nothing_has_no_sign():
+    flown = Flown().standing_by()
+    flown.position = [1.23456, -2.34567, HOME_DOWN_M + 0.00456]
+    flown.velocity = [0.12345, 0.23456, -0.34567]
+    flown.cycle(more=[scenes.status(flown.now_s, 0.87654)])
+    told = status(flown.flight, flown.outputs, (), (), flown.now_s + 0.123456)
+    assert told["position_ned_m"] == [1.23, -2.35, -4.0]
+    assert told["velocity_ned_m_s"] == [0.12, 0.23, -0.35]
+    assert told["battery"] == 0.877
+    assert str(told["height_m"]) == "0.0"
+    assert told["position_age_s"] == 0.1235
+    flown.position[2] = HOME_DOWN_M + 0.04
+    flown.cycle()
+    assert "  0.0 m up, 0.3 m/s  " in flight_line(flown.flight, flown.outputs, flown.now_s)
+
+
+def test_the_height_before_a_home_is_known_is_that_of_the_local_frame():
+    flown = Flown()
+    flown.flight.step(flown.now_s, Inputs([local(flown.now_s, (0.0, 0.0, -3.0))]))
+    flown.cycle(silent=True)
+    told = status(flown.flight, flown.outputs, (), (), flown.now_s)
+    assert (told["height_m"], told["battery"]) == (3.0, None)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"reason": None, "vehicle_winner": None, "winner": -1}, (None, "evader", "undecided")),
+        ({"reason": 1, "vehicle_winner": -1, "winner": 0}, ("captured", "undecided", "evader")),
+    ],
+)
+def test_what_a_certificate_says_is_told_in_words_and_numbers(changes, words):
+    flown = Flown(settings_of(cycle=replace(CYCLE, target_game_m=Enu((0.0, 0.0, 0.0)))))
+    flown.cycle()
+    places = {"pursuer_game_m": Enu((3.0, 4.0, 12.0)), "evader_game_m": Enu((0.0, 0.0, 0.123))}
+    certificate = QUIET._replace(value=1.234567, gap_m=9.87, **places, **changes)
+    outputs = flown.outputs._replace(certificate=certificate)
+    told = status(flown.flight, outputs, (), (), flown.now_s)
+    game = told["certificate"]
+    assert (game["reason"], game["winner"], game["vehicle_winner"]) == words
+    assert (game["value"], told["range_m"], told["value_unit"]) == (1.2346, 12.89, "m")
+    assert "  rim 9.9 m, value 1.2 m  " in flight_line(flown.flight, outputs, flown.now_s)
 
 
 def test_the_status_of_a_vehicle_that_was_never_heard_has_no_numbers():
