@@ -104,8 +104,10 @@ def _stick_climb(commander: ArduPilot) -> float:
     return share * fastest_cm_s * 0.01
 
 
-def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
+def _land_at(commander: ArduPilot, place_m: Vector) -> Setpoint:
     state = commander.state
+    if state.on_ground:
+        return IDLING
     height = state.ground_m - state.position_m[2]
     parameters = state.parameters
     fast_cm_s = float(parameters["LAND_SPEED_HIGH"])
@@ -119,17 +121,10 @@ def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
     )
     return Setpoint(
         Kind.TRAVEL,
-        Vector((north_m, east_m, _NAN)),
+        place_m.level_with(_NAN),
         Vector((_NAN, _NAN, speed)),
         yaw_rad=commander.flight.entered_yaw_rad,
     )
-
-
-def _land(commander: ArduPilot) -> Setpoint:
-    flight = commander.flight
-    if commander.state.on_ground:
-        return IDLING
-    return _land_over(commander, flight.entered_m[0], flight.entered_m[1])
 
 
 def _return(commander: ArduPilot) -> Setpoint:
@@ -161,7 +156,7 @@ def _return(commander: ArduPilot) -> Setpoint:
     ):
         flight.stage = "land"
     if flight.stage == "land":
-        return _land_over(commander, home[0], home[1])
+        return _land_at(commander, home)
     target_m = flight.entered_m if flight.stage == "climb" else home
     yaw_rad = (
         flight.entered_yaw_rad if int(state.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
@@ -216,11 +211,7 @@ def _auto(commander: ArduPilot) -> Setpoint:
             flight.entered_yaw_rad = state.yaw_rad
         return _return(commander)
     if leg.landing:
-        return (
-            IDLING
-            if state.on_ground
-            else _land_over(commander, leg.position_m[0], leg.position_m[1])
-        )
+        return _land_at(commander, leg.position_m)
     if state.on_ground and not leg.taking_off:
         return IDLING
     return _along(commander, leg)
@@ -284,7 +275,7 @@ COPTER: Final = Firmware[ArduPilot](
         "LOITER": _by_stick,
         "RTL": _return,
         "CIRCLE": _circle,
-        "LAND": _land,
+        "LAND": lambda commander: _land_at(commander, commander.flight.entered_m),
         "DRIFT": _by_stick,
         "POSHOLD": _by_stick,
         "BRAKE": _brake,

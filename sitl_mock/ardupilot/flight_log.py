@@ -141,8 +141,7 @@ class ArduPilotFlightLog:
             records += [_parameter(report, name) for name in changed]
             # The motion; not when a huge setpoint overflows a float.
             try:
-                motion = [_attitude(report), _position(report), _estimate(report), _battery(report)]
-                motion += _control(report)
+                motion = _motion(report)
                 if self._step % _GPS_STEPS == 0:
                     motion.append(_receiver(report))
                 if report.setpoint.kind is SetpointKind.STREAM:
@@ -210,53 +209,39 @@ def _parameter(report: Report, name: str) -> bytes:
     return PARM.pack(report.boot_us, name.encode(), parameters[name], default)
 
 
-def _attitude(report: Report) -> bytes:
-    roll, pitch, yaw, _, _, _ = report.state.attitude
+def _motion(report: Report) -> list[bytes]:
+    """Return attitude, position, estimate, battery, and position control along each axis."""
+    state = report.state
+    now_us = report.boot_us
+    roll, pitch, yaw, _, _, _ = state.attitude
     roll_deg = math.degrees(roll)
     pitch_deg = math.degrees(pitch)
     yaw_deg = math.degrees(yaw) % 360.0
-    return ATT.pack(
-        report.boot_us, roll_deg, roll_deg, pitch_deg, pitch_deg, yaw_deg, yaw_deg, 0.0, 0.0, 3
-    )
-
-
-def _position(report: Report) -> bytes:
-    lat, lon, alt = report.place
-    return POS.pack(report.boot_us, lat, lon, alt, report.relative_m, -report.state.position_m[2])
-
-
-def _estimate(report: Report) -> bytes:
-    state = report.state
-    roll, pitch, yaw, _, _, _ = state.attitude
-    return XKF1.pack(
-        *(report.boot_us, 0, math.degrees(roll), math.degrees(pitch)),
-        *(math.degrees(yaw) % 360.0, *state.velocity_m_s, state.velocity_m_s[2]),
-        *(*state.position_m, 0.0, 0.0, 0.0, state.frame.origin.alt_amsl_m),
-    )
-
-
-def _battery(report: Report) -> bytes:
-    battery = report.state.battery
+    battery = state.battery
     voltage_v = battery.voltage_v
-    return BAT.pack(
-        *(report.boot_us, 0, voltage_v, voltage_v, battery.current_a, battery.consumed_mah),
-        *(battery.consumed_mah * voltage_v * 1e-3, 0.0, 0.0, round(battery.remaining * 100.0)),
-        *(1, 0),
-    )
-
-
-def _control(report: Report) -> list[bytes]:
-    state = report.state
+    records = [
+        ATT.pack(now_us, roll_deg, roll_deg, pitch_deg, pitch_deg, yaw_deg, yaw_deg, 0.0, 0.0, 3),
+        POS.pack(now_us, *report.place, report.relative_m, -state.position_m[2]),
+        XKF1.pack(
+            *(now_us, 0, roll_deg, pitch_deg, yaw_deg),
+            *(*state.velocity_m_s, state.velocity_m_s[2]),
+            *(*state.position_m, 0.0, 0.0, 0.0, state.frame.origin.alt_amsl_m),
+        ),
+        BAT.pack(
+            *(now_us, 0, voltage_v, voltage_v, battery.current_a, battery.consumed_mah),
+            *(battery.consumed_mah * voltage_v * 1e-3, 0.0, 0.0, round(battery.remaining * 100.0)),
+            *(1, 0),
+        ),
+    ]
     setpoint = report.setpoint
     acceleration_m_s2 = state.body.acceleration_ned_m_s2
-    records = []
     for axis, kind in enumerate(_AXES):
         place_m = _or(setpoint.position_ned_m[axis], state.position_m[axis])
         speed_m_s = _or(setpoint.velocity_ned_m_s[axis], 0.0)
         push_m_s2 = _or(setpoint.acceleration_ned_m_s2[axis], acceleration_m_s2[axis])
         records.append(
             kind.pack(
-                *(report.boot_us, place_m, state.position_m[axis], speed_m_s, speed_m_s),
+                *(now_us, place_m, state.position_m[axis], speed_m_s, speed_m_s),
                 *(state.velocity_m_s[axis], push_m_s2, push_m_s2, acceleration_m_s2[axis]),
             )
         )

@@ -89,10 +89,20 @@ def _scan(raw: bytes) -> tuple[list[_Read], int]:
     at = 0
     while at < len(raw):
         read = _read_at(raw, at)
-        if read is None or (read.message is None and not _fits(raw, read.end)):
+        if read is not None and read.message is None:
+            # A frame of an unknown message is one only before another frame or the end of the file.
+            following = read.end + _TIME.size
+            if following + _HEADER <= len(raw) and _size(raw, following) is None:
+                read = None
+        if read is None:
             read = _next_known(raw, at + 1)
             if read is None:
-                skipped += 0 if _ends_within_frame(raw, at) else len(raw) - at
+                # A file may end within a frame, or within the time before one.
+                start = at + _TIME.size
+                size = _size(raw, start)
+                is_cut_off = size is not None and start + size > len(raw)
+                if start + _HEADER <= len(raw) and not is_cut_off:
+                    skipped += len(raw) - at
                 break
             skipped += read.at - at
         reads.append(read)
@@ -123,18 +133,6 @@ def _read_at(raw: bytes, at: int) -> _Read | None:
     messages = decoder.feed(raw[start : start + size], whole=True)
     right = decoder.counts == _ONE_FRAME
     return _Read(at, start + size, messages[0] if right else None)
-
-
-def _fits(raw: bytes, at: int) -> bool:
-    """True if a frame or the end of the file follows, so that a frame of an unknown message is one."""
-    return at + _TIME.size + _HEADER > len(raw) or _size(raw, at + _TIME.size) is not None
-
-
-def _ends_within_frame(raw: bytes, at: int) -> bool:
-    """True if the file ends within a frame, or within the time before one."""
-    start = at + _TIME.size
-    size = _size(raw, start)
-    return start + _HEADER > len(raw) or (size is not None and start + size > len(raw))
 
 
 def _next_known(raw: bytes, at: int) -> _Read | None:

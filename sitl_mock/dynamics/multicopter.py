@@ -363,7 +363,11 @@ class Multicopter(Generic[MemoryT]):
         """
         body = motion.body
         estimate = self.estimate(body, around)
-        pending, memory = self._memory(motion, estimate)
+        carried = motion.memory
+        if isinstance(carried, tuple) and isinstance(carried[1], self.memory_type):
+            pending, memory = carried
+        else:  # another flavour's
+            pending, memory = self._fresh(body, estimate)
         count = 1 if dt_s <= self.step_max_s else math.ceil(dt_s / self.step_max_s - 1e-9)
         inner_s = dt_s / count
         for steps_left in range(count, 0, -1):
@@ -381,10 +385,3 @@ class Multicopter(Generic[MemoryT]):
         return (
             getattr(carried[1], "reference", None) if known and isinstance(carried, tuple) else None
         )
-
-    def _memory(self, motion: Motion, estimate: Estimate) -> tuple[Pending, MemoryT]:
-        """The state in `motion`, or the initial one if it is another flavour's."""
-        carried = motion.memory
-        if isinstance(carried, tuple) and isinstance(carried[1], self.memory_type):
-            return carried[0], carried[1]
-        return self._fresh(motion.body, estimate)

@@ -125,10 +125,17 @@ class Px4Control:
         up_max = gains.up_max_m_s if math.isnan(climb) else climb
         flying = ramped_s >= gains.ramp_s
         if not flying:
-            wishes = not on_ground or velocity[2] < -gains.take_off_wish_m_s
-            ramped_s, up_max = self._ramped(ramped_s + dt_s if wishes else ramped_s, up_max)
+            if not on_ground or velocity[2] < -gains.take_off_wish_m_s:
+                ramped_s += dt_s
+            ramped_s = min(ramped_s, gains.ramp_s)
+            # The climb limit rises from the speed that demands zero thrust, so that the thrust itself ramps.
+            weightless_m_s = -GRAVITY_M_S2 / gains.z_vel_p_1_s
+            up_max = weightless_m_s + (up_max - weightless_m_s) * ramped_s / gains.ramp_s
             flying = ramped_s >= gains.ramp_s
-        tilt_max_rad = self._tilt_max(tilt_max_rad, dt_s) if flying else gains.tilt_ground_rad
+        if flying:
+            tilt_max_rad = min(tilt_max_rad + _TILT_OPENS_RAD_S * dt_s, gains.tilt_max_rad)
+        else:
+            tilt_max_rad = gains.tilt_ground_rad
         if velocity[2] < -up_max:
             velocity = velocity.level_with(-up_max)
 
@@ -162,23 +169,6 @@ class Px4Control:
             hover_m_s2,
         )
         return _memory(carried), _demand((*lean, thrust, turn))
-
-    def _ramped(self, ramped_s: float, up_max: float) -> tuple[float, float]:
-        """Progress of the take-off ramp, and the climb limit at that point.
-
-        The limit rises from the speed that demands zero thrust to the desired one, so that the thrust itself ramps.
-        """
-        gains = self.gains
-        ramped_s = min(ramped_s, gains.ramp_s)
-        none = -GRAVITY_M_S2 / gains.z_vel_p_1_s
-        return ramped_s, none + (up_max - none) * ramped_s / gains.ramp_s
-
-    def _tilt_max(self, tilt_max_rad: float, dt_s: float) -> float:
-        """Advance the tilt limit, which opens slowly after a take-off."""
-        max_tilt_rad = self.gains.tilt_max_rad
-        if tilt_max_rad == max_tilt_rad:
-            return max_tilt_rad
-        return min(tilt_max_rad + _TILT_OPENS_RAD_S * dt_s, max_tilt_rad)
 
     def _travelled(
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float

@@ -41,7 +41,12 @@ def answer(faulted: Faulted, request: Mapping[str, Any]) -> Any:  # noqa: ANN401
         raise ConfigError(f"do = {do!r}: allowed are {', '.join(_REQUESTS)}")
     if do == "inject":
         return {"number": faulted.inject(values)}
-    _only(values, ("number",) if do == "clear" else ())
+    allowed = ("number",) if do == "clear" else ()
+    unknown = sorted(values.keys() - set(allowed))
+    if unknown:
+        raise ConfigError(
+            f"{unknown[0]} = {values[unknown[0]]!r}: allowed are {', '.join(('do', *allowed))}"
+        )
     if do == "list":
         return list(faulted.faults())
     if do == "clear":
@@ -103,11 +108,3 @@ def _answerer(faulted: Faulted, key: str) -> Callable[[zenoh.Query], None]:
             query.reply(key, json.dumps(reply), encoding=encoding)
 
     return take
-
-
-def _only(values: Mapping[str, Any], allowed: tuple[str, ...]) -> None:
-    unknown = sorted(values.keys() - set(allowed))
-    if unknown:
-        raise ConfigError(
-            f"{unknown[0]} = {values[unknown[0]]!r}: allowed are {', '.join(('do', *allowed))}"
-        )

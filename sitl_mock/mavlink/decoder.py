@@ -174,9 +174,16 @@ class Decoder:
 
     def _judge(self, buffer: bytes, at: int, frame: _Frame) -> Message | str:
         """Return the message, or the name of the count for the fault."""
-        fault = _fault(buffer, at, frame)
-        if fault is not None:
-            return fault
+        if frame.incompat & ~_SIGNED:
+            return "incompatible"
+        spec = SPEC_BY_ID.get(frame.message_id)
+        if spec is None:
+            return "unknown_id"
+        crc = buffer[frame.payload_end] | buffer[frame.payload_end + 1] << 8
+        if mcrf4xx(buffer[at + 1 : frame.payload_end] + spec.crc_extra) != crc:
+            return "crc"
+        if buffer[at] == _MAGIC_V1 and frame.payload_end - frame.header_end > spec.size:
+            return "length"
         verdict = Verdict.UNCHECKED
         signing = self.signing
         if signing is not None and signing.secret_key is not None:
@@ -189,7 +196,6 @@ class Decoder:
             )
             if not (verdict.accepted or self._is_trusted):
                 return verdict.value
-        spec = SPEC_BY_ID[frame.message_id]
         return Message(
             spec,
             _values(spec, buffer[frame.header_end : frame.payload_end]),
@@ -241,21 +247,6 @@ def _frame_at(buffer: bytes, at: int, size: int) -> _Frame | None:
         message_id,
         incompat,
     )
-
-
-def _fault(buffer: bytes, at: int, frame: _Frame) -> str | None:
-    """Return the name of the count for a frame's fault, or None."""
-    if frame.incompat & ~_SIGNED:
-        return "incompatible"
-    spec = SPEC_BY_ID.get(frame.message_id)
-    if spec is None:
-        return "unknown_id"
-    crc = buffer[frame.payload_end] | buffer[frame.payload_end + 1] << 8
-    if mcrf4xx(buffer[at + 1 : frame.payload_end] + spec.crc_extra) != crc:
-        return "crc"
-    if buffer[at] == _MAGIC_V1 and frame.payload_end - frame.header_end > spec.size:
-        return "length"
-    return None
 
 
 def _values(spec: MessageSpec, payload: bytes) -> Sequence[Any]:

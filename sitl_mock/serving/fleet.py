@@ -268,7 +268,11 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
                 f"--param {text}: there is no vehicle {vehicle_name!r}; allowed are {', '.join(vehicles)}"
             )
         chosen = [vehicle_name] if vehicle_name else list(vehicles)
-        lacking = [each for each in chosen if not _has(vehicles[each], name)]
+        lacking = [
+            each
+            for each in chosen
+            if all(item.name != name for item in flavour_named(vehicles[each].flavour).parameters)
+        ]
         if lacking:
             flavour = vehicles[lacking[0]].flavour
             hint = f"`sitl-mock list parameters --flavour {flavour}` names them"
@@ -284,10 +288,6 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
             parameters = {**vehicles[vehicle].parameters, name: value}
             vehicles[vehicle] = replace(vehicles[vehicle], parameters=parameters)
     return replace(config, vehicle=tuple(vehicles.values()))
-
-
-def _has(vehicle: VehicleConfig, parameter: str) -> bool:
-    return any(item.name == parameter for item in flavour_named(vehicle.flavour).parameters)
 
 
 def build(

@@ -139,7 +139,13 @@ def frames_of(data: bytes) -> Iterator[bytes]:
 
 def _step(frame: bytes, system_id: int) -> _Step | None:
     """Return the step that a frame asks this vehicle for; None for every other frame."""
-    if not _is_command(frame):
+    # Only COMMAND_LONG asks for a step; other frames are not worth decoding.
+    number = -1
+    if frame[0] == _V2 and len(frame) > 9:
+        number = int.from_bytes(frame[7:10], "little")
+    elif frame[0] == _V1 and len(frame) > 5:
+        number = frame[5]
+    if number != _COMMAND_LONG:
         return None
     messages: list[Message] = Decoder().feed(frame, whole=True)
     if not messages or messages[0].command != STEP:
@@ -153,12 +159,6 @@ def _step(frame: bytes, system_id: int) -> _Step | None:
     if not 0.0 < length_s <= LONGEST_S or not abs(message.param2) < 2**24:
         return _Step(None, 0, client)
     return _Step(max(round(length_s * 1e6 / _GRID_US), 1) * _GRID_US, number, client)
-
-
-def _is_command(frame: bytes) -> bool:
-    if frame[0] == _V2 and len(frame) > 9:
-        return int.from_bytes(frame[7:10], "little") == _COMMAND_LONG
-    return frame[0] == _V1 and len(frame) > 5 and frame[5] == _COMMAND_LONG
 
 
 def run_lockstep(
