@@ -21,7 +21,7 @@ from sitl_mock.faults.effect import (
     Group,
     Scope,
 )
-from sitl_mock.faults.links import always
+from sitl_mock.faults.links import always, changing
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.tables import REQUIRED, Option, choice, integer, integers, number, text, words
 
@@ -45,32 +45,28 @@ _MOTION: Final = (
 )
 
 
-def _new_value(found: frames.PayloadField, sort: str) -> float | None:
-    """Return the new value of a field, or None if its type cannot hold one."""
-    if found.format == "c":
-        return None
-    if not found.whole:
-        return _FLOATS.get(sort)
-    return {
-        "zero": 0,
-        "int_max": found.most,
-        "int_min": -found.most - 1 if found.format.islower() else 0,
-    }.get(sort)
-
-
-def _changes(message: str, names: tuple[str, ...], sort: str) -> dict[str, float]:
-    """Return new values for the named fields that can hold one (without names: all but stamps and targets)."""
+def _new_values(message: str, names: tuple[str, ...], sort: str) -> dict[str, float]:
+    """Return new values for the named fields whose type can hold one (without names: all but stamps and targets)."""
     fields = frames.payload_fields(SPEC_BY_NAME[message].message_id)
     chosen = names or tuple(name for name in fields if not name.startswith(_NOT_CONTENT))
-    new = {name: _new_value(fields[name], sort) for name in chosen if name in fields}
-    return {name: value for name, value in new.items() if value is not None}
+    new: dict[str, float] = {}
+    for name in chosen:
+        field = fields.get(name)
+        if field is None or field.format == "c":
+            continue
+        values = _FLOATS
+        if field.whole:
+            least = -field.most - 1 if field.format.islower() else 0
+            values = {"zero": 0, "int_max": field.most, "int_min": least}
+        if sort in values:
+            new[name] = values[sort]
+    return new
 
 
 def _bad_fields(inputs: EffectInputs) -> Effect:
     options = inputs.options
-    signing = inputs.vehicle.autopilot.signing
     by_id = {
-        SPEC_BY_NAME[name].message_id: _changes(name, options["fields"], options["value"])
+        SPEC_BY_NAME[name].message_id: _new_values(name, options["fields"], options["value"])
         for name in inputs.messages
     }
     names = set[str]().union(*by_id.values())
@@ -81,20 +77,10 @@ def _bad_fields(inputs: EffectInputs) -> Effect:
                 f"{options['value']} (whole numbers: zero, int_max, int_min; others: nan, inf, zero)"
             )
 
-    def alter(_now_s: float, frame: bytes) -> Delayed:
-        changes = by_id.get(frames.message_id(frame))
-        return ((0.0, frames.changed(frame, changes, signing.secret_key) if changes else frame),)
+    def bad(_now_s: float, frame: bytes) -> dict[str, float]:
+        return by_id.get(frames.message_id(frame), {})
 
-    return Effect(alter=always(alter, inputs))
-
-
-def _no_place(inputs: EffectInputs) -> Effect:
-    signing = inputs.vehicle.autopilot.signing
-    return Effect(
-        alter=lambda _now_s, frame: (
-            (0.0, frames.changed(frame, {"lat": 0, "lon": 0}, signing.secret_key)),
-        )
-    )
+    return Effect(alter=always(changing(inputs, bad), inputs))
 
 
 def _param_echo(inputs: EffectInputs) -> Effect:
@@ -109,17 +95,10 @@ def _param_echo(inputs: EffectInputs) -> Effect:
     if bytewise and parameters.definitions[name].kind != _REAL32:
         wire = struct.unpack("<f", struct.pack("<i", int(value)))[0]
 
-    def alter(_now_s: float, frame: bytes) -> Delayed:
-        if frames.value(frame, "param_id") != name.encode():
-            return ((0.0, frame),)
-        return (
-            (
-                0.0,
-                frames.changed(frame, {"param_value": wire}, vehicle.autopilot.signing.secret_key),
-            ),
-        )
+    def wrong(_now_s: float, frame: bytes) -> dict[str, float]:
+        return {"param_value": wire} if frames.value(frame, "param_id") == name.encode() else {}
 
-    return Effect(alter=alter)
+    return Effect(alter=changing(inputs, wrong))
 
 
 def _to_boot_time(inputs: EffectInputs, since_boot_s: float) -> Effect:
@@ -148,7 +127,9 @@ CONTENT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "latlon_zero": FaultKind(
             Group.LINK,
             "latitude and longitude are 0",
-            _no_place,
+            lambda inputs: Effect(
+                alter=changing(inputs, lambda _now_s, _frame: {"lat": 0, "lon": 0})
+            ),
             scope=Scope(Direction.OUT, ("GLOBAL_POSITION_INT", "GPS_RAW_INT")),
         ),
         "param_echo": FaultKind(
@@ -195,17 +176,6 @@ def _of_commands(inputs: EffectInputs, alter: Alter) -> Effect:
         return sometimes(now_s, frame)
 
     return Effect(alter=check)
-
-
-def _wrong(inputs: EffectInputs) -> Effect:
-    result = inputs.options["result"]
-    signing = inputs.vehicle.autopilot.signing
-    return _of_commands(
-        inputs,
-        lambda _now_s, frame: (
-            (0.0, frames.changed(frame, {"result": result}, signing.secret_key)),
-        ),
-    )
 
 
 def _unfinished(inputs: EffectInputs) -> Effect:
@@ -258,7 +228,10 @@ ACK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "ack_wrong": FaultKind(
             Group.LINK,
             "the COMMAND_ACK has a wrong result",
-            _wrong,
+            lambda inputs: _of_commands(
+                inputs,
+                changing(inputs, lambda _now_s, _frame: {"result": inputs.options["result"]}),
+            ),
             {**_COMMON, "result": Option("MAV_RESULT", REQUIRED, integer(0, 255))},
             _ACKS,
         ),

@@ -16,7 +16,7 @@ from sitl_mock.faults.effect import (
     Group,
     Scope,
 )
-from sitl_mock.faults.links import LINK_KINDS
+from sitl_mock.faults.links import LINK_KINDS, changing
 from sitl_mock.faults.places import along, in_local_frame, on_earth, vector
 from sitl_mock.mavlink import SPEC_BY_NAME, Encoder, Signing
 from sitl_mock.tables import Option, choice, integer, number
@@ -47,13 +47,12 @@ def _slow(inputs: EffectInputs) -> Effect:
 
 def _clock(inputs: EffectInputs) -> Effect:
     options = inputs.options
-    signing = inputs.vehicle.autopilot.signing
     begun_s = [math.nan]
 
     def begin(now_s: float) -> None:
         begun_s[0] = now_s
 
-    def alter(now_s: float, frame: bytes) -> Delayed:
+    def wrong(now_s: float, frame: bytes) -> dict[str, float]:
         number_ = frames.message_id(frame)
         if number_ >= 0:
             fields = frames.payload_fields(number_)
@@ -61,13 +60,12 @@ def _clock(inputs: EffectInputs) -> Effect:
             fields = {}
         stamp = next(((name, units) for name, units in _STAMPS.items() if name in fields), None)
         if stamp is None:
-            return ((0.0, frame),)
+            return {}
         name, units = stamp
         error_s = options["offset_s"] + options["drift_ppm"] * 1e-6 * (now_s - begun_s[0])
-        late = frames.value(frame, name) + round(error_s * units)
-        return ((0.0, frames.changed(frame, {name: late}, signing.secret_key)),)
+        return {name: frames.value(frame, name) + round(error_s * units)}
 
-    return Effect(begin=begin, alter=alter)
+    return Effect(begin=begin, alter=changing(inputs, wrong))
 
 
 def _stale(inputs: EffectInputs) -> Effect:
@@ -83,17 +81,15 @@ def _stale(inputs: EffectInputs) -> Effect:
 
 
 def _jump(inputs: EffectInputs) -> Effect:
-    signing = inputs.vehicle.autopilot.signing
     by_m = vector(inputs)
     placed = frozenset(SPEC_BY_NAME[name].message_id for name in REPORTS)
 
-    def alter(_now_s: float, frame: bytes) -> Delayed:
+    def moved(_now_s: float, frame: bytes) -> dict[str, float]:
         if frames.message_id(frame) not in placed:
-            return ((0.0, frame),)
-        moved = on_earth(frame, by_m) or in_local_frame(frame, by_m)
-        return ((0.0, frames.changed(frame, moved, signing.secret_key)),)
+            return {}
+        return on_earth(frame, by_m) or in_local_frame(frame, by_m)
 
-    return Effect(alter=alter)
+    return Effect(alter=changing(inputs, moved))
 
 
 def _forger(inputs: EffectInputs) -> Effect:

@@ -21,7 +21,7 @@ from sitl_mock.tables import Option, integer, number
 from sitl_mock.telemetry.status import heartbeat
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from sitl_mock.faults.effect import Alter
 
@@ -43,6 +43,24 @@ def always(alter: Alter, inputs: EffectInputs) -> Alter:
         return ((0.0, frame),)
 
     return sometimes
+
+
+def changing(
+    inputs: EffectInputs, changes_of: Callable[[float, bytes], Mapping[str, float]]
+) -> Alter:
+    """Give fields of a frame new values, by name; without new values the frame stays.
+
+    Args:
+        inputs: Of the fault; its vehicle signs a signed frame again.
+        changes_of: Called with the time and the frame.
+    """
+    signing = inputs.vehicle.autopilot.signing
+
+    def alter(now_s: float, frame: bytes) -> Delayed:
+        changes = changes_of(now_s, frame)
+        return ((0.0, frames.changed(frame, changes, signing.secret_key) if changes else frame),)
+
+    return alter
 
 
 def _lose(_now_s: float, _frame: bytes) -> Delayed:

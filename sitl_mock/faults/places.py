@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.faults import frames
 from sitl_mock.faults.effect import (
-    Delayed,
     Direction,
     Effect,
     EffectInputs,
@@ -16,6 +15,7 @@ from sitl_mock.faults.effect import (
     Group,
     Scope,
 )
+from sitl_mock.faults.links import changing
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.tables import Option, choice, number
 from sitl_mock.vector import Vector
@@ -97,42 +97,34 @@ def _repeated(vehicle: MockVehicle, *names: str) -> Effect:
 
 
 def _home_jump(inputs: EffectInputs) -> Effect:
-    signing = inputs.vehicle.autopilot.signing
     random = inputs.random
     wander_m = inputs.options["wander_m"]
     by_m = list(vector(inputs))
     effect = _repeated(inputs.vehicle, "HOME_POSITION")
 
-    def alter(_now_s: float, frame: bytes) -> Delayed:
+    def moved(_now_s: float, frame: bytes) -> dict[str, float]:
         if frames.message_id(frame) != _HOME:
-            return ((0.0, frame),)
+            return {}
         by_m[:] = [part + random.gauss(0.0, wander_m) for part in by_m]
         displaced = Vector((by_m[0], by_m[1], by_m[2]))
-        changes = {**on_earth(frame, displaced), **in_local_frame(frame, displaced)}
-        return ((0.0, frames.changed(frame, changes, signing.secret_key)),)
+        return {**on_earth(frame, displaced), **in_local_frame(frame, displaced)}
 
-    effect.alter = alter
+    effect.alter = changing(inputs, moved)
     return effect
 
 
 def _origin_jump(inputs: EffectInputs) -> Effect:
-    signing = inputs.vehicle.autopilot.signing
     by_m = vector(inputs)
     effect = _repeated(inputs.vehicle, "GPS_GLOBAL_ORIGIN")
 
-    def alter(_now_s: float, frame: bytes) -> Delayed:
-        if frames.message_id(frame) == _ORIGIN:
-            changes = on_earth(frame, by_m)
-        else:
-            changes = {}
-        return ((0.0, frames.changed(frame, changes, signing.secret_key) if changes else frame),)
+    def moved(_now_s: float, frame: bytes) -> dict[str, float]:
+        return on_earth(frame, by_m) if frames.message_id(frame) == _ORIGIN else {}
 
-    effect.alter = alter
+    effect.alter = changing(inputs, moved)
     return effect
 
 
 def _origin_move(inputs: EffectInputs) -> Effect:
-    signing = inputs.vehicle.autopilot.signing
     error = inputs.options["told"]
     north, east, down = by_m = vector(inputs)
     back_m = Vector((-north, -east, -down))
@@ -142,39 +134,35 @@ def _origin_move(inputs: EffectInputs) -> Effect:
         else Effect()
     )
 
-    def alter(_now_s: float, frame: bytes) -> Delayed:
+    def moved(_now_s: float, frame: bytes) -> dict[str, float]:
         number_ = frames.message_id(frame)
         if number_ in {_LOCAL, _ODOMETRY, _HOME}:
-            changes = in_local_frame(frame, back_m)
-        elif number_ == _ASKED:
-            changes = in_local_frame(frame, by_m)
-        elif number_ == _ORIGIN and error == "yes":
-            changes = on_earth(frame, by_m)
-        else:
-            return ((0.0, frame),)
-        return ((0.0, frames.changed(frame, changes, signing.secret_key)),)
+            return in_local_frame(frame, back_m)
+        if number_ == _ASKED:
+            return in_local_frame(frame, by_m)
+        if number_ == _ORIGIN and error == "yes":
+            return on_earth(frame, by_m)
+        return {}
 
-    effect.alter = alter
+    effect.alter = changing(inputs, moved)
     return effect
 
 
 def _velocity_lie(inputs: EffectInputs) -> Effect:
-    signing = inputs.vehicle.autopilot.signing
     by_m_s = vector(inputs)
 
-    def alter(_now_s: float, frame: bytes) -> Delayed:
+    def wrong(_now_s: float, frame: bytes) -> dict[str, float]:
         if frames.message_id(frame) >= 0:
             fields = frames.payload_fields(frames.message_id(frame))
         else:
             fields = {}
         if "vx" not in fields:
-            return ((0.0, frame),)
+            return {}
         units = 100.0 if fields["vx"].whole else 1.0  # cm/s in whole numbers
         parts = zip(("vx", "vy", "vz"), by_m_s, strict=True)
-        changes = {name: frames.value(frame, name) + by * units for name, by in parts}
-        return ((0.0, frames.changed(frame, changes, signing.secret_key)),)
+        return {name: frames.value(frame, name) + by * units for name, by in parts}
 
-    return Effect(alter=alter)
+    return Effect(alter=changing(inputs, wrong))
 
 
 PLACE_KINDS: Mapping[str, FaultKind] = MappingProxyType(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.faults import frames
 from sitl_mock.faults.effect import (
-    Delayed,
     Direction,
     Effect,
     EffectInputs,
@@ -16,6 +15,7 @@ from sitl_mock.faults.effect import (
     Group,
     Scope,
 )
+from sitl_mock.faults.links import changing
 from sitl_mock.faults.other_senders import mode_named
 from sitl_mock.faults.places import along, vector
 from sitl_mock.tables import REQUIRED, Option, number, text
@@ -90,22 +90,20 @@ def _eph(inputs: EffectInputs) -> Effect:
 
 def _truncation(inputs: EffectInputs) -> Effect:
     options = inputs.options
-    signing = inputs.vehicle.autopilot.signing
 
-    def alter(_now_s: float, frame: bytes) -> Delayed:
+    def reduced(_now_s: float, frame: bytes) -> dict[str, float]:
         north, east, down = (frames.value(frame, name) for name in ("vx", "vy", "vz"))
         speed_m_s = math.hypot(north, east)
         scale = min(1.0, options["horizontal_m_s"] / speed_m_s) if speed_m_s > 0.0 else 1.0
-        parameters = {
+        return {
             "vx": north * scale,
             "vy": east * scale,
             "vz": min(max(down, -options["up_m_s"]), options["down_m_s"])
             if math.isfinite(down)
             else down,
         }
-        return ((0.0, frames.changed(frame, parameters, signing.secret_key)),)
 
-    return Effect(alter=alter)
+    return Effect(alter=changing(inputs, reduced))
 
 
 def _flight(meaning: str, condition: str, value: Any = True, for_s: float = math.inf) -> FaultKind:  # noqa: ANN401 - as above
