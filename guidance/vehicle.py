@@ -281,8 +281,55 @@ def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | Non
 
 def is_plausible(message: Message | messages.EvaderReport) -> bool:
     """True if all values of a message are plausible. Values that MAVLink defines as unknown (NaN) are allowed."""
-    judge = _JUDGES.get(type(message))
-    return judge is None or judge(message)
+    match message:
+        case LocalPosition():
+            (north, east, down) = message.position_ned_m
+            is_near = (
+                abs(north) <= FARTHEST_M and abs(east) <= FARTHEST_M and abs(down) <= FARTHEST_M
+            )
+            (v_north, v_east, v_down) = message.velocity_ned_m_s
+            is_slow = (
+                abs(v_north) <= FASTEST_M_S
+                and abs(v_east) <= FASTEST_M_S
+                and abs(v_down) <= FASTEST_M_S
+            )
+            plausible = is_near and is_slow and 0.0 <= message.time_boot_s <= _LATEST_S
+        case GlobalPosition():
+            is_low = abs(message.altitude_above_home_m) <= HIGHEST_M
+            is_slow = _within(FASTEST_M_S, *message.velocity_ned_m_s)
+            is_in_range = 0.0 <= message.time_boot_s <= _LATEST_S
+            plausible = _on_earth(message) and is_low and is_slow and is_in_range
+        case messages.Attitude():
+            plausible = abs(message.yaw_rad) <= _TURNED_RAD
+        case messages.PositionTarget():
+            (north, east, down) = message.velocity_ned_m_s
+            is_fast = abs(north) > FASTEST_M_S or abs(east) > FASTEST_M_S or abs(down) > FASTEST_M_S
+            plausible = not is_fast
+        case Home():
+            untold = all(
+                map(math.isnan, message.position_ned_m)
+            )  # then it is computed from the map
+            plausible = _on_earth(message) and (
+                untold or _within(FARTHEST_M, *message.position_ned_m)
+            )
+        case Origin() | messages.EvaderReport():
+            plausible = _on_earth(message)
+        case messages.Aircraft():
+            is_high = abs(message.altitude_amsl_m) > HIGHEST_M
+            is_fast = math.hypot(*message.velocity_ned_m_s) > FASTEST_M_S
+            plausible = _on_the_map(message) and not is_high and not is_fast
+        case messages.SystemStatus():
+            plausible = not (message.battery_remaining < 0.0 or message.battery_remaining > 1.0)
+        case messages.EstimatorStatus():
+            is_unknown = math.isnan(message.height_sd_m)
+            plausible = is_unknown or 0.0 <= message.height_sd_m <= HIGHEST_M
+        case messages.FenceItem():
+            plausible = abs(message.size) <= FARTHEST_M and abs(message.latitude_deg) < 90.0
+        case messages.Parameter():
+            plausible = math.isfinite(message.value)
+        case _:
+            plausible = True
+    return plausible
 
 
 def _within(limit: float, *numbers: float) -> bool:
@@ -290,61 +337,11 @@ def _within(limit: float, *numbers: float) -> bool:
 
 
 def _on_earth(position: GlobalPosition | Home | Origin | messages.EvaderReport) -> bool:
+    return _on_the_map(position) and abs(position.altitude_amsl_m) <= HIGHEST_M
+
+
+def _on_the_map(
+    position: GlobalPosition | Home | Origin | messages.EvaderReport | messages.Aircraft,
+) -> bool:
     # North has no direction at a pole
-    on_earth = abs(position.latitude_deg) < 90.0 and abs(position.longitude_deg) <= 180.0
-    return on_earth and abs(position.altitude_amsl_m) <= HIGHEST_M
-
-
-def _home(home: Home) -> bool:
-    untold = all(map(math.isnan, home.position_ned_m))  # then it is computed from the map
-    return _on_earth(home) and (untold or _within(FARTHEST_M, *home.position_ned_m))
-
-
-def _local(local: LocalPosition) -> bool:
-    (north, east, down) = local.position_ned_m
-    (v_north, v_east, v_down) = local.velocity_ned_m_s
-    plausible_position = (
-        abs(north) <= FARTHEST_M and abs(east) <= FARTHEST_M and abs(down) <= FARTHEST_M
-    )
-    rate = abs(v_north) <= FASTEST_M_S and abs(v_east) <= FASTEST_M_S and abs(v_down) <= FASTEST_M_S
-    return plausible_position and rate and 0.0 <= local.time_boot_s <= _LATEST_S
-
-
-def _global(position: GlobalPosition) -> bool:
-    height = abs(position.altitude_above_home_m) <= HIGHEST_M
-    rate = _within(FASTEST_M_S, *position.velocity_ned_m_s)
-    return _on_earth(position) and height and rate and 0.0 <= position.time_boot_s <= _LATEST_S
-
-
-def _position_target(echo: messages.PositionTarget) -> bool:
-    (north, east, down) = echo.velocity_ned_m_s
-    return not (abs(north) > FASTEST_M_S or abs(east) > FASTEST_M_S or abs(down) > FASTEST_M_S)
-
-
-def _aircraft(aircraft: messages.Aircraft) -> bool:
-    on_earth = abs(aircraft.latitude_deg) < 90.0 and abs(aircraft.longitude_deg) <= 180.0
-    return (
-        on_earth
-        and not abs(aircraft.altitude_amsl_m) > HIGHEST_M
-        and not math.hypot(*aircraft.velocity_ned_m_s) > FASTEST_M_S
-    )
-
-
-_JUDGES: Final[Mapping[type, Callable[[Any], bool]]] = {
-    messages.Aircraft: _aircraft,
-    messages.Attitude: lambda attitude: abs(attitude.yaw_rad) <= _TURNED_RAD,
-    messages.EstimatorStatus: lambda status: (
-        math.isnan(status.height_sd_m) or 0.0 <= status.height_sd_m <= HIGHEST_M
-    ),
-    messages.FenceItem: lambda item: abs(item.size) <= FARTHEST_M and abs(item.latitude_deg) < 90.0,
-    GlobalPosition: _global,
-    Home: _home,
-    LocalPosition: _local,
-    Origin: _on_earth,
-    messages.Parameter: lambda parameter: math.isfinite(parameter.value),
-    messages.PositionTarget: _position_target,
-    messages.SystemStatus: lambda status: (
-        not (status.battery_remaining < 0.0 or status.battery_remaining > 1.0)
-    ),
-    messages.EvaderReport: _on_earth,
-}
+    return abs(position.latitude_deg) < 90.0 and abs(position.longitude_deg) <= 180.0

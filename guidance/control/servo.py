@@ -150,39 +150,25 @@ def serve(
     )
     expected = delayed + (1.0 - math.exp(-dt_s / gains.lag_s)) * (reference - delayed)
     if not held_back:
-        drag_per_s, trim = _learned(drag_per_s, trim, expected, flown_ned_m_s, gains, dt_s)
+        # Learn drag and trim, within their bounds. A large velocity error usually means that the vehicle is at its
+        # limits, so it counts less.
+        error = expected - flown_ned_m_s
+        off_m_s = math.hypot(error.north, error.east)
+        within_m_s = gains.learning_within_m_s
+        lesson_s = dt_s
+        if off_m_s > within_m_s:
+            lesson_s = 0.0 if off_m_s > 3.0 * within_m_s else dt_s * (within_m_s / off_m_s) ** 2
+        speed = math.hypot(expected.north, expected.east)
+        if speed >= _SLOW_M_S:
+            missing = error.level_dot(expected) / speed
+            drag_per_s += gains.drag_learning_per_s2 * missing * lesson_s / speed
+            drag_per_s = min(gains.drag_limit_per_s, max(0.0, drag_per_s))
+        gain = gains.trim_learning_per_s2 * lesson_s
+        trim = (trim + gain * error).clamped(gains.trim_limit_m_s2, 0.0, 0.0)
     fed = acceleration + drag_per_s * reference + trim
     fed_level_only = Ned((fed.north, fed.east, acceleration.down))
     kept = ServoMemory(reference, acceleration, expected, drag_per_s, trim)
     return fed_level_only, kept
-
-
-def _learned(
-    drag_per_s: float,
-    trim_ned_m_s2: Ned,
-    expected: Ned,
-    flown: Ned,
-    gains: ServoGains,
-    dt_s: float,
-) -> tuple[float, Ned]:
-    """Return drag and trim after one velocity error, within their bounds.
-
-    A large error usually means that the vehicle is at its limits, so it counts less.
-    """
-    error = expected - flown
-    off_m_s = math.hypot(error.north, error.east)
-    within_m_s = gains.learning_within_m_s
-    lesson_s = dt_s
-    if off_m_s > within_m_s:
-        lesson_s = 0.0 if off_m_s > 3.0 * within_m_s else dt_s * (within_m_s / off_m_s) ** 2
-    speed = math.hypot(expected.north, expected.east)
-    if speed >= _SLOW_M_S:
-        missing = error.level_dot(expected) / speed
-        drag_per_s += gains.drag_learning_per_s2 * missing * lesson_s / speed
-        drag_per_s = min(gains.drag_limit_per_s, max(0.0, drag_per_s))
-    gain = gains.trim_learning_per_s2 * lesson_s
-    trim = (trim_ned_m_s2 + gain * error).clamped(gains.trim_limit_m_s2, 0.0, 0.0)
-    return drag_per_s, trim
 
 
 GAIN_PER_S: Final = 0.8

@@ -173,26 +173,6 @@ class Turn(NamedTuple):
     across_slope: float
 
 
-def _turn_during(turn_rate_rad_s: float, dt_s: float) -> Turn:
-    angle = turn_rate_rad_s * dt_s
-    sine = math.sin(angle)
-    cosine = math.cos(angle)
-    if abs(angle) < _SMALL_TURN_RAD:  # the limits where the turn is small
-        return Turn(
-            sine,
-            cosine,
-            along_s=dt_s * (1.0 - angle**2 / 6.0),
-            across_s=dt_s * angle * (0.5 - angle**2 / 24.0),
-            along_slope=-(dt_s**2) * angle / 3.0,
-            across_slope=dt_s**2 * (0.5 - angle**2 / 8.0),
-        )
-    along_s = sine / turn_rate_rad_s
-    across_s = (1.0 - cosine) / turn_rate_rad_s
-    along_slope = (dt_s * cosine - along_s) / turn_rate_rad_s
-    across_slope = (dt_s * sine - across_s) / turn_rate_rad_s
-    return Turn(sine, cosine, along_s, across_s, along_slope, across_slope)
-
-
 class TurnJacobian(NamedTuple):
     """Derivative of the turning model's state after dt by its state before.
 
@@ -241,7 +221,24 @@ class TurnJacobian(NamedTuple):
 def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
     """Advance the turning model by dt."""
     north, east, north_rate_before, east_rate_before, turn_rate = state.mean
-    turn = _turn_during(turn_rate, dt_s)
+    angle = turn_rate * dt_s
+    sine = math.sin(angle)
+    cosine = math.cos(angle)
+    if abs(angle) < _SMALL_TURN_RAD:  # the limits where the turn is small
+        turn = Turn(
+            sine,
+            cosine,
+            along_s=dt_s * (1.0 - angle**2 / 6.0),
+            across_s=dt_s * angle * (0.5 - angle**2 / 24.0),
+            along_slope=-(dt_s**2) * angle / 3.0,
+            across_slope=dt_s**2 * (0.5 - angle**2 / 8.0),
+        )
+    else:
+        along_s = sine / turn_rate
+        across_s = (1.0 - cosine) / turn_rate
+        along_slope = (dt_s * cosine - along_s) / turn_rate
+        across_slope = (dt_s * sine - across_s) / turn_rate
+        turn = Turn(sine, cosine, along_s, across_s, along_slope, across_slope)
     north_rate = turn.cosine * north_rate_before - turn.sine * east_rate_before
     east_rate = turn.sine * north_rate_before + turn.cosine * east_rate_before
     fade = math.exp(-dt_s / settings.turn_time_s)
@@ -462,8 +459,27 @@ def predict(
     moved = advance(last, now_s, settings)
     mixture = blended(*moved.modes)
     north, east, north_rate, east_rate = mixture.mean
-    worst_sd, speed_sd = _velocity_sds(mixture)
+    covariance = PlaneCovariance(*mixture.covariance)
+    north_variance = covariance.north_rate_north_rate
+    east_variance = covariance.east_rate_east_rate
+    shared = covariance.east_rate_north_rate
+    # σ of the velocity in its worst direction, from the larger eigenvalue.
+    worst_variance = 0.5 * (north_variance + east_variance) + math.hypot(
+        0.5 * (north_variance - east_variance), shared
+    )
+    worst_sd = math.sqrt(max(0.0, worst_variance))
+    # σ of the speed.
     speed_m_s = math.hypot(north_rate, east_rate)
+    speed_sd = worst_sd
+    if speed_m_s > worst_sd:  # there is a direction
+        to_north = north_rate / speed_m_s
+        to_east = east_rate / speed_m_s
+        speed_variance = (
+            to_north * to_north * north_variance
+            + 2.0 * to_north * to_east * shared
+            + to_east * to_east * east_variance
+        )
+        speed_sd = math.sqrt(max(0.0, speed_variance))
     velocity = STILL
     if worst_sd <= settings.known_velocity_sd_m_s:
         velocity = Ned((north_rate, east_rate, moved.height.rate_m_s))
@@ -473,29 +489,3 @@ def predict(
         max(settings.declared_speed_m_s, speed_m_s + settings.sigmas * speed_sd),
         max(0.0, now_s - last.time_s),
     )
-
-
-def _velocity_sds(state: Normal) -> tuple[float, float]:
-    """Return σ of the velocity in its worst direction, and σ of the speed."""
-    covariance = PlaneCovariance(*state.covariance)
-    north_variance = covariance.north_rate_north_rate
-    east_variance = covariance.east_rate_east_rate
-    shared = covariance.east_rate_north_rate
-    # The larger eigenvalue
-    worst_variance = 0.5 * (north_variance + east_variance) + math.hypot(
-        0.5 * (north_variance - east_variance), shared
-    )
-    worst_sd = math.sqrt(max(0.0, worst_variance))
-    _, _, north_rate, east_rate = state.mean
-    speed_m_s = math.hypot(north_rate, east_rate)
-    speed_sd = worst_sd
-    if speed_m_s > worst_sd:  # there is a direction
-        north = north_rate / speed_m_s
-        east = east_rate / speed_m_s
-        speed_variance = (
-            north * north * north_variance
-            + 2.0 * north * east * shared
-            + east * east * east_variance
-        )
-        speed_sd = math.sqrt(max(0.0, speed_variance))
-    return worst_sd, speed_sd
