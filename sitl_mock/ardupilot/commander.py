@@ -114,9 +114,9 @@ class ArduPilot:
 
     # Inputs
 
-    def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
+    def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:  # noqa: ARG002 - a Commander
         """Execute or refuse a command."""
-        return self.firmware.execute(self, now_s, command)
+        return self.firmware.execute(self, command)
 
     def answered(self, _command: Command, _answers: Sequence[CommandAnswer]) -> None:
         """Do nothing: the answers go to the client only."""

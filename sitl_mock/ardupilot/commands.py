@@ -35,17 +35,18 @@ _WITH_POSITION: Final = frozenset({"GUIDED"})
 _SPEED_MODES: Final = frozenset({"GUIDED", "AUTO", "RTL"})
 _COPTER_ONLY: Final = frozenset({22, 84, 85, 115, 183, 193, 195, 197, 201, 42002, 42003})
 _MOST_PULSE_US: Final = 0xFFFF
+_ROI_NONE: Final = 197
 _RELATIVE: Final = frozenset({3, 6})
 
 
-def execute(commander: ArduPilot, now_s: float, command: Command) -> Answers:
+def execute(commander: ArduPilot, command: Command) -> Answers:
     """Execute or refuse a command; commands without effect here get the measured answer."""
     number = command.number
     if not commander.firmware.flies and number in _COPTER_ONLY:
         return UNSUPPORTED
     handler = _HANDLERS.get(number)
     if handler is not None:
-        return handler(commander, now_s, command)
+        return handler(commander, command)
     if number in CALIBRATIONS:
         return answer_calibration(commander, command)
     if number in commander.firmware.answers:
@@ -62,7 +63,7 @@ def _done(done: bool) -> Answers:
     return ACCEPTED if done else FAILED
 
 
-def _set_mode(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _set_mode(commander: ArduPilot, command: Command) -> Answers:
     base, number = command.params[:2]
     if not math.isfinite(base + number) or not int(base) & 1:
         return DENIED
@@ -70,7 +71,7 @@ def _set_mode(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     return _done(mode is not None and commander.request(mode.name))
 
 
-def _arm(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _arm(commander: ArduPilot, command: Command) -> Answers:
     """COMPONENT_ARM_DISARM; param2 2989 or 21196 forces."""
     state = commander.state
     want, force = command.params[:2]
@@ -103,7 +104,7 @@ def _arm_now(commander: ArduPilot, *, forced: bool) -> Answers:
     return ACCEPTED
 
 
-def _takeoff(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _takeoff(commander: ArduPilot, command: Command) -> Answers:
     """NAV_TAKEOFF: height above home, armed, in GUIDED, on the ground."""
     state = commander.state
     if command.is_int and command.frame not in _RELATIVE:
@@ -117,8 +118,8 @@ def _takeoff(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _to(mode: str) -> Callable[[ArduPilot, float, Command], Answers]:
-    def handler(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _to(mode: str) -> Callable[[ArduPilot, Command], Answers]:
+    def handler(commander: ArduPilot, _command: Command) -> Answers:
         if mode not in commander.by_name:
             return UNSUPPORTED
         return _done(commander.request(mode))
@@ -126,13 +127,13 @@ def _to(mode: str) -> Callable[[ArduPilot, float, Command], Answers]:
     return handler
 
 
-def _start_mission(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _start_mission(commander: ArduPilot, _command: Command) -> Answers:
     """MISSION_START: AUTO, which may then take off without the throttle stick."""
     commander.flight.may_lift = commander.request("AUTO")
     return _done(commander.flight.may_lift)
 
 
-def _enable_fence(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _enable_fence(commander: ArduPilot, command: Command) -> Answers:
     """DO_FENCE_ENABLE: 0 and 1 set FENCE_ENABLE; other values have no effect."""
     enable = command.params[0]
     if enable in {0.0, 1.0}:
@@ -140,7 +141,7 @@ def _enable_fence(commander: ArduPilot, _now_s: float, command: Command) -> Answ
     return ACCEPTED
 
 
-def _set_mission_item(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _set_mission_item(commander: ArduPilot, command: Command) -> Answers:
     """DO_SET_MISSION_CURRENT: DENIED without such an item, or with home as the only item."""
     seq = command.params[0]
     if (
@@ -152,7 +153,7 @@ def _set_mission_item(commander: ArduPilot, _now_s: float, command: Command) -> 
     return ACCEPTED
 
 
-def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _reposition(commander: ArduPilot, command: Command) -> Answers:
     """DO_REPOSITION in GUIDED, or with a change to it (param2 bit 0); the speed in param1 is ignored.
 
     Beyond the fence it fails without a change of the mode.
@@ -177,7 +178,7 @@ def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answer
     return ACCEPTED
 
 
-def _change_speed(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _change_speed(commander: ArduPilot, command: Command) -> Answers:
     """DO_CHANGE_SPEED: only in GUIDED, AUTO and RTL."""
     kind, speed_m_s = command.params[:2]
     if not speed_m_s > 0.0 or commander.mode not in _SPEED_MODES:
@@ -188,7 +189,7 @@ def _change_speed(commander: ArduPilot, _now_s: float, command: Command) -> Answ
     return ACCEPTED
 
 
-def _yaw(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _yaw(commander: ArduPilot, command: Command) -> Answers:
     """CONDITION_YAW."""
     angle, rate, direction, relative = command.params[:4]
     if not 0.0 <= angle <= 360.0 or relative not in {0.0, 1.0}:
@@ -202,8 +203,11 @@ def _yaw(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _look_at(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """DO_SET_ROI and DO_SET_ROI_LOCATION: the nose turns there and stays until the next setpoint."""
+def _look_at(commander: ArduPilot, command: Command) -> Answers:
+    """DO_SET_ROI and DO_SET_ROI_LOCATION: the nose turns there until the next setpoint, or DO_SET_ROI_NONE."""
+    if command.number == _ROI_NONE:
+        commander.flight.turn = None
+        return ACCEPTED
     lat, lon, alt = command.params[4:]
     if lat == lon == alt == 0.0:
         return ACCEPTED
@@ -220,13 +224,7 @@ def _look_at(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _look_ahead(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
-    """DO_SET_ROI_NONE."""
-    commander.flight.turn = None
-    return ACCEPTED
-
-
-def _set_servo(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _set_servo(commander: ArduPilot, command: Command) -> Answers:
     """DO_SET_SERVO: sets an output without a function; those of the motors are in use."""
     channel, pulse_us = command.params[:2]
     parameters = commander.state.parameters
@@ -240,7 +238,7 @@ def _set_servo(commander: ArduPilot, _now_s: float, command: Command) -> Answers
     return ACCEPTED
 
 
-def _pause(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _pause(commander: ArduPilot, command: Command) -> Answers:
     """DO_PAUSE_CONTINUE: 0 pauses, 1 continues, in GUIDED and between waypoints in AUTO."""
     if command.params[0] not in {0.0, 1.0}:
         return DENIED
@@ -255,7 +253,7 @@ def _pause(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _set_home(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _set_home(commander: ArduPilot, command: Command) -> Answers:
     state = commander.state
     use_current, *_, lat, lon, alt = command.params
     if use_current == 1.0 or (lat == 0.0 and lon == 0.0 and alt == 0.0):
@@ -269,7 +267,7 @@ def _set_home(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _terminate(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _terminate(commander: ArduPilot, command: Command) -> Answers:
     if not command.params[0] > 0.5:
         return FAILED
     commander.state.say(Severity.CRITICAL, "Terminating due to GCS request")
@@ -277,14 +275,14 @@ def _terminate(commander: ArduPilot, _now_s: float, command: Command) -> Answers
     return ACCEPTED
 
 
-def _reboot(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _reboot(commander: ArduPilot, command: Command) -> Answers:
     if commander.state.armed or command.params[0] not in {1.0, 3.0}:
         return FAILED
     commander.state.conditions.put("reboot", value=True)
     return ACCEPTED
 
 
-def _prearm(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _prearm(commander: ArduPilot, _command: Command) -> Answers:
     """RUN_PREARM_CHECKS: reports failing checks as texts."""
     if commander.state.armed:
         return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
@@ -295,7 +293,7 @@ def _prearm(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     return ACCEPTED
 
 
-def _tell_home(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _tell_home(commander: ArduPilot, _command: Command) -> Answers:
     """GET_HOME_POSITION."""
     if commander.state.home_m is None:
         return FAILED
@@ -303,7 +301,7 @@ def _tell_home(commander: ArduPilot, _now_s: float, _command: Command) -> Answer
     return ACCEPTED
 
 
-def _land_start(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _land_start(commander: ArduPilot, _command: Command) -> Answers:
     """DO_LAND_START: fails because the mock's missions have no landing sequence."""
     commander.state.say(Severity.WARNING, "Unable to start landing sequence")
     commander.state.say(
@@ -312,7 +310,7 @@ def _land_start(commander: ArduPilot, _now_s: float, _command: Command) -> Answe
     return FAILED
 
 
-def _storage(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+def _storage(commander: ArduPilot, command: Command) -> Answers:
     """PREFLIGHT_STORAGE: 2 resets all parameters at the next boot; other values are DENIED."""
     if command.params[0] != 2.0:
         return DENIED
@@ -321,21 +319,21 @@ def _storage(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _arm_by_button(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _arm_by_button(commander: ArduPilot, _command: Command) -> Answers:
     """SOLO_BTN_FLY_HOLD: arms in LOITER on the ground, lands in the air."""
     if commander.state.armed:
         return _done(commander.request("LAND"))
     return _arm_now(commander, forced=False) if commander.request("LOITER") else FAILED
 
 
-def _disarm_by_button(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _disarm_by_button(commander: ArduPilot, _command: Command) -> Answers:
     """SOLO_BTN_PAUSE_CLICK and _FLY_CLICK: disarm on the ground."""
     if commander.state.armed and commander.state.on_ground:
         commander.disarm(safety.DisarmMethod.BUTTON)
     return ACCEPTED
 
 
-def _banner(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+def _banner(commander: ArduPilot, _command: Command) -> Answers:
     """DO_SEND_BANNER, also before a list of parameters: version, and of a copter its board's id and its frame."""
     state = commander.state
     state.say(Severity.INFO, commander.firmware.banner)
@@ -345,7 +343,7 @@ def _banner(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     return ACCEPTED
 
 
-_HANDLERS: Mapping[int, Callable[[ArduPilot, float, Command], Answers]] = MappingProxyType(
+_HANDLERS: Mapping[int, Callable[[ArduPilot, Command], Answers]] = MappingProxyType(
     {
         17: _to("LOITER"),
         20: _to("RTL"),
@@ -370,7 +368,7 @@ _HANDLERS: Mapping[int, Callable[[ArduPilot, float, Command], Answers]] = Mappin
         183: _set_servo,
         189: _land_start,
         195: _look_at,
-        197: _look_ahead,
+        _ROI_NONE: _look_at,
         201: _look_at,
         245: _storage,
         42002: _arm_by_button,

@@ -166,7 +166,7 @@ class Firmware(Generic[CommanderT]):
     first_mode: str
     hold_mode: str
     flights: Mapping[str, Callable[[CommanderT], Setpoint]]
-    execute: Callable[[CommanderT, float, Command], Sequence[CommandAnswer]]
+    execute: Callable[[CommanderT, Command], Sequence[CommandAnswer]]
     flies: bool
     guided_timeout: str = ""
     guided_timeout_s: float = 3.0

@@ -201,28 +201,7 @@ class ArduControl:
     ) -> tuple[ArduMemory, Demand]:
         """Follow an attitude target within ANGLE_MAX; the horizontal position is not controlled."""
         gains = self.gains
-        reference = self._climbing(memory, estimate, setpoint, dt_s)
-        heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
-        i_d = memory.integral_ned_m_s2[2]
-        _, integral, _, thrust = self._track(
-            reference, Vector((0.0, 0.0, i_d)), body, estimate, dt_s
-        )
-        if not math.isnan(setpoint.thrust):
-            thrust = setpoint.thrust * self.thrust_max_m_s2
-            reference = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s)
-        spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
-        carried = ArduMemory(
-            Kind.ATTITUDE, reference, Vector((0.0, 0.0, integral[2])), spooled_s, heading_rad
-        )
-        n, e = setpoint.lean_ne_rad
-        keep = min(1.0, gains.lean_max_rad / max(math.hypot(n, e), 1e-9))
-        return carried, Demand(n * keep, e * keep, thrust, yaw_rate_rad_s)
-
-    def _climbing(
-        self, memory: ArduMemory, estimate: Estimate, setpoint: Setpoint, dt_s: float
-    ) -> Reference:
-        """Advance the reference of an attitude target: it climbs as asked, over the vehicle's present place."""
-        gains = self.gains
+        # The reference climbs as asked, over the vehicle's present place.
         before = memory.reference
         position = estimate.position_ned_m
         velocity = estimate.velocity_ned_m_s
@@ -239,7 +218,22 @@ class ArduControl:
             gains.jerk_z_m_s3 / gains.accel_z_m_s2,
             dt_s,
         )
-        return advance(Reference(position, velocity), Vector((0.0, 0.0, down)), dt_s)
+        reference = advance(Reference(position, velocity), Vector((0.0, 0.0, down)), dt_s)
+        heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
+        i_d = memory.integral_ned_m_s2[2]
+        _, integral, _, thrust = self._track(
+            reference, Vector((0.0, 0.0, i_d)), body, estimate, dt_s
+        )
+        if not math.isnan(setpoint.thrust):
+            thrust = setpoint.thrust * self.thrust_max_m_s2
+            reference = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s)
+        spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
+        carried = ArduMemory(
+            Kind.ATTITUDE, reference, Vector((0.0, 0.0, integral[2])), spooled_s, heading_rad
+        )
+        n, e = setpoint.lean_ne_rad
+        keep = min(1.0, gains.lean_max_rad / max(math.hypot(n, e), 1e-9))
+        return carried, Demand(n * keep, e * keep, thrust, yaw_rate_rad_s)
 
     def _track(  # noqa: PLR0914
         self, reference: Reference, integral: Vector, body: Body, estimate: Estimate, dt_s: float

@@ -350,8 +350,20 @@ class Px4Control:
     ) -> tuple[float, float]:
         """Steady-state yaw rate of the PI rate loop against the damping, and its new integral."""
         gains = self.gains
+        kind = setpoint.kind
+        yaw_rate = setpoint.yaw_rate_rad_s
+        if not math.isnan(setpoint.yaw_rad):
+            wanted = gains.yaw_p_1_s * wrap_rad(setpoint.yaw_rad - body.yaw_rad)
+            wanted += 0.0 if math.isnan(yaw_rate) else yaw_rate
+            autopilots_own = kind is not _STREAM and kind is not _DIRECT
+            most = gains.yaw_auto_rate_max_rad_s if autopilots_own else gains.yaw_rate_max_rad_s
+            wanted = within(wanted, -most, most)
+        elif not math.isnan(yaw_rate):
+            wanted = within(yaw_rate, -gains.yaw_rate_max_rad_s, gains.yaw_rate_max_rad_s)
+        else:
+            wanted = gains.yaw_drift_rad_s if kind is _STREAM else 0.0
         rate = body.yaw_rate_rad_s
-        error = self._yaw_rate_wanted(body, setpoint) - rate
+        error = wanted - rate
         integral = (
             0.0
             if body.on_ground
@@ -359,23 +371,3 @@ class Px4Control:
         )
         push = gains.yaw_rate_p_1_s * (error + rate) + integral
         return push / (gains.yaw_rate_p_1_s + gains.yaw_damping_1_s), integral
-
-    def _yaw_rate_wanted(self, body: Body, setpoint: Setpoint) -> float:
-        gains = self.gains
-        kind = setpoint.kind
-        yaw = setpoint.yaw_rad
-        yaw_rate = setpoint.yaw_rate_rad_s
-        if not math.isnan(yaw):
-            rate = gains.yaw_p_1_s * wrap_rad(yaw - body.yaw_rad) + (
-                0.0 if math.isnan(yaw_rate) else yaw_rate
-            )
-        elif not math.isnan(yaw_rate):
-            max_rate_rad_s = gains.yaw_rate_max_rad_s
-            return within(yaw_rate, -max_rate_rad_s, max_rate_rad_s)
-        else:
-            return gains.yaw_drift_rad_s if kind is _STREAM else 0.0
-        autopilots_own = kind is not _STREAM and kind is not _DIRECT
-        max_rate_rad_s = (
-            gains.yaw_auto_rate_max_rad_s if autopilots_own else gains.yaw_rate_max_rad_s
-        )
-        return within(rate, -max_rate_rad_s, max_rate_rad_s)

@@ -58,12 +58,6 @@ def _radio(inputs: EffectInputs, effect: Effect) -> Effect:
     return effect
 
 
-def _sticks(inputs: EffectInputs) -> Effect:
-    options = inputs.options
-    sticks = tuple(options[name] for name in ("roll", "pitch", "throttle", "yaw"))
-    return _radio(inputs, _while(inputs, "sticks", sticks))
-
-
 def _rc_loss(inputs: EffectInputs) -> Effect:
     vehicle = inputs.vehicle
     effect = Effect(
@@ -157,7 +151,10 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "pilot_sticks": FaultKind(
             Group.FLIGHT,
             "the pilot moves the sticks; there is a radio from the start",
-            _sticks,
+            lambda inputs: _radio(
+                inputs,
+                _while(inputs, "sticks", tuple(inputs.options[name] for name in Sticks._fields)),
+            ),
             {"roll": _STICK, "pitch": _STICK, "throttle": _STICK, "yaw": _STICK},
             for_s=1.0,
         ),

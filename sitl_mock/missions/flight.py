@@ -396,9 +396,23 @@ class MissionFlight:
             self.over = "return"
             self._tell_done(item)
             return
-        if item.command in _JUMPS and self._jump(item):
-            return
-        if self.conditions and item.command not in _JUMPS:
+        if item.command in _JUMPS:
+            goal = int(item.param1)
+            if item.command == DO_JUMP_TAG:
+                # The item behind the JUMP_TAG, which may be missing.
+                tags = (
+                    item.seq
+                    for item in self.plans.mission.items
+                    if item.command == JUMP_TAG and int(item.param1) == goal
+                )
+                goal = next(tags, -1)
+            # A jump that leads nowhere, or has been done often enough, is skipped.
+            jumps = self._jumps.get(item.seq, 0)
+            if jumps < item.param2 and 0 <= goal < self.count:
+                self._jumps[item.seq] = jumps + 1
+                self.current = goal
+                return
+        elif self.conditions:
             if self._behind or item.command in _CONDITIONS:
                 self._behind.append(item)
             else:
@@ -407,24 +421,6 @@ class MissionFlight:
             self.speed_m_s = item.param2
         self._tell_done(item)
         self.current += 1
-
-    def _jump(self, item: PlanItem) -> bool:
-        """Jump to an item or a tag; False once it has been done often enough, or leads nowhere."""
-        goal = int(item.param1)
-        if item.command == DO_JUMP_TAG:
-            # The item behind the JUMP_TAG, which may be missing.
-            tags = (
-                item.seq
-                for item in self.plans.mission.items
-                if item.command == JUMP_TAG and int(item.param1) == goal
-            )
-            goal = next(tags, -1)
-        jumps = self._jumps.get(item.seq, 0)
-        if not (jumps < item.param2 and 0 <= goal < self.count):
-            return False
-        self._jumps[item.seq] = jumps + 1
-        self.current = goal
-        return True
 
     def _order(self, item: PlanItem) -> None:
         """Execute an item, or leave it to the commander (ArduPilot)."""
