@@ -319,8 +319,16 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     foreseen_m = meeting_m if np.isfinite(meeting_m).all() else None
     target_m = target_game_m(scenario)
     curve = isochron(batch.believed, batch.pursuer_m[0], batch.evader_m[0])
-    shapes = [
-        *_courses(batch, 2.0 * played_s),
+    shapes = list[Shape]()
+    for name, course in (("P", batch.pursuer.course), ("E", batch.evader.course)):
+        if course is not None:
+            # No more places than the game needs: some courses go on for minutes.
+            is_early = course.times_s[0, :-1] <= 2.0 * played_s
+            is_needed = np.concatenate([[True], is_early])
+            places_m = course.places_m[0][is_needed]
+            label = f"course of {name}"
+            shapes.append(Shape(places_m, COURSE, label, is_framed=False, dimensions=(2,)))
+    shapes += [
         *player_tracks(pursuer, evader),
         *promise_of(curve, foreseen_m, with_target=target_m is not None),
         disc_of(evader[-1], batch.game.standoff),
@@ -366,17 +374,6 @@ def _curved(
     straight_m = begin_m + s * steps_m
     curved_m = straight_m + s * (1.0 - s) * (begin_bend_m - end_bend_m)
     return np.concatenate([curved_m.reshape(-1, 3), places_m[-1:]])
-
-
-def _courses(batch: Batch, until_s: float) -> Iterator[Shape]:
-    """Yield the places of the players' courses, and no more of them than the game needs: some go on for minutes."""
-    for name, course in (("P", batch.pursuer.course), ("E", batch.evader.course)):
-        if course is not None:
-            is_early = course.times_s[0, :-1] <= until_s
-            is_needed = np.concatenate([[True], is_early])
-            places_m = course.places_m[0][is_needed]
-            label = f"course of {name}"
-            yield Shape(places_m, COURSE, label, is_framed=False, dimensions=(2,))
 
 
 def draw_teams(scenario: TeamScenario, path: Path) -> None:
@@ -455,33 +452,21 @@ def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) 
     intersection = region(scenario, list(pursuers.values()), j)
     axes.fill(*intersection.T, **shade, label="before both: the intersection")
     x, y, _ = matching.meeting_point_m[j]
-    _draw_way_to_target(axes, scenario, (float(x), float(y)), colour)
-    teams = teams_of(scenario)
+    target = scenario.target
+    if target is not None:
+        # The guaranteed distance: from the meeting point to the nearest point of the target.
+        east, north = target.position_m
+        way_x, way_y = to_set(FLOATS, target.extent, (float(x) - east, float(y) - north))
+        way: Style = {"color": colour, "linewidth": 1.0, "alpha": 0.6, "label": "L, guaranteed"}
+        axes.plot([x, x + way_x], [y, y + way_y], **way)
+    pursuers_m = teams_of(scenario).pursuers_m
     # A line from each matched pursuer to the meeting point.
     dashes: Style = {"first": "-", "second": (0, (2, 1.5))}
     for role, i in pursuers.items():
-        pursuer_m = teams.pursuers_m[i]
         line = {"color": "0.2", "linewidth": 1.4, "linestyle": dashes[role], "zorder": 4}
-        axes.plot([pursuer_m[0], x], [pursuer_m[1], y], **line, label=f"matched, {role}")
+        axes.plot([pursuers_m[i][0], x], [pursuers_m[i][1], y], **line, label=f"matched, {role}")
     star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
     axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
-
-
-def _draw_way_to_target(
-    axes: Any,  # noqa: ANN401 - matplotlib's
-    scenario: TeamScenario,
-    meeting_m: tuple[float, float],
-    colour: str,
-) -> None:
-    """Draw the guaranteed distance: from the meeting point to the nearest point of the target."""
-    target = scenario.target
-    if target is None:
-        return
-    x, y = meeting_m
-    east, north = target.position_m
-    way_x, way_y = to_set(FLOATS, target.extent, (x - east, y - north))
-    line = {"color": colour, "linewidth": 1.0, "alpha": 0.6, "label": "L, guaranteed"}
-    axes.plot([x, x + way_x], [y, y + way_y], **line)
 
 
 def _draw_players(axes: Any, teams: Teams, rollout: TeamRollout) -> None:  # noqa: ANN401

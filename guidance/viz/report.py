@@ -157,23 +157,19 @@ def draw_game(history: FlightHistory) -> Figure:
         ]
     figure, axes = over_time(history, 7.0, lines)
     axes[0].axhline(0.0, color="0.0", linewidth=0.6)
-    _draw_promise(axes[2], history)
-    legend_beside(axes[2])
-    return figure
-
-
-def _draw_promise(axes: Any, history: FlightHistory) -> None:  # noqa: ANN401
-    """Draw what was promised at engagement, and the alarms."""
+    # What was promised at engagement, and the alarms.
     if history.engaged is not None:
         engaged = history.engaged.certificate
         promised = engaged.assured_distance_m if history.with_target else engaged.time_needed_s
         dotted = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
-        axes.axhline(promised, **dotted, label="promised at engagement")
+        axes[2].axhline(promised, **dotted, label="promised at engagement")
     alarm_style = MARK | {"color": "0.0", "linestyle": "-"}
     label: str | None = "alarm"
     for alarm_s, _ in history.alarms:
-        axes.axvline(alarm_s, **alarm_style, label=label)
+        axes[2].axvline(alarm_s, **alarm_style, label=label)
         label = None
+    legend_beside(axes[2])
+    return figure
 
 
 def draw_velocities(history: FlightHistory) -> Figure:
@@ -546,7 +542,14 @@ def write_page(
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
     page = folder / "report.html"
-    mark = "\n".join(map(_mark, flights))
+    # The lines of the page that say which records it reports.
+    marks = []
+    for flight in flights:
+        survey = flight.survey
+        length = f"{survey.messages.total()} messages, {survey.duration_s:.3f} s"
+        identity = escape(f"{flight.path.name}, {length}")
+        marks.append(f'<meta name="record" content="{identity}">')
+    mark = "\n".join(marks)
     with writing(folder):
         if page.exists():
             earlier_page = page.read_text(encoding="utf-8", errors="replace")
@@ -566,7 +569,10 @@ def write_page(
             figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
             encoded = base64.b64encode(drawing.getvalue()).decode("ascii")
             images[name] = f"data:image/svg+xml;base64,{encoded}"
-        table = map(_table_row, rows)
+        table = "\n".join(
+            f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>"
+            for name, text in rows
+        )
         template_file = resources.files("guidance.viz").joinpath("report.html")
         template = template_file.read_text(encoding="utf-8")
         page_template = _SECTION.sub(
@@ -575,22 +581,9 @@ def write_page(
         texts = {
             "title": escape(flights[0].title),
             "opening": escape(words),
-            "rows": "\n".join(table),
+            "rows": table,
         }
         text = Template(page_template).substitute(texts, **images, mark=mark)
         with whole_file(page) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
     return written
-
-
-def _mark(flight: FlightHistory) -> str:
-    """Return the line of a page that says which record it reports."""
-    survey = flight.survey
-    length = f"{survey.messages.total()} messages, {survey.duration_s:.3f} s"
-    identity = escape(f"{flight.path.name}, {length}")
-    return f'<meta name="record" content="{identity}">'
-
-
-def _table_row(row: TableRow) -> str:
-    name, text = row
-    return f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>"

@@ -131,25 +131,24 @@ class RecordFolder:
         async with self._one_at_a_time:
             product = self._products.pop(key, None)
             if product is None:
-                product = await self._make(path, what)
+                folder = Path(tempfile.mkdtemp(dir=self._temporary.name))
+                command, written, _ = _MADE[what]
+                words = list[str]()
+                for word in command:
+                    words.append(
+                        str(path) if word == "RECORD" else word.replace("FOLDER", str(folder))
+                    )
+                output = b"".join([line async for line in output_lines(*words)])
+                made = folder / written
+                if not made.exists():
+                    made.write_bytes(output)
+                stem = path.parent.name if path.stem == "record" else path.stem
+                product = made.rename(folder / f"{stem}{made.suffix}")
             self._products[key] = product
             while len(self._products) > MAX_KEPT:
                 oldest = next(iter(self._products))
                 self._products.pop(oldest).unlink(missing_ok=True)
         return product
-
-    async def _make(self, path: Path, what: str) -> Path:
-        folder = Path(tempfile.mkdtemp(dir=self._temporary.name))
-        command, written, _ = _MADE[what]
-        words = list[str]()
-        for word in command:
-            words.append(str(path) if word == "RECORD" else word.replace("FOLDER", str(folder)))
-        output = b"".join([line async for line in output_lines(*words)])
-        product = folder / written
-        if not product.exists():
-            product.write_bytes(output)
-        stem = path.parent.name if path.stem == "record" else path.stem
-        return product.rename(folder / f"{stem}{product.suffix}")
 
     async def _list(self, _: web.Request) -> web.StreamResponse:
         return web.json_response(

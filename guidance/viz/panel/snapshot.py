@@ -102,18 +102,16 @@ def event_row(event: EventEntry) -> Plain:
 
 def history_row(snapshot: Plain | None) -> list[Any]:
     """Return a snapshot as a row of the charts."""
-    values = [_value_at(snapshot, path) for path in HISTORY]
-    return [round(value, 2) if isinstance(value, float) else value for value in values]
-
-
-def _value_at(snapshot: Plain | None, path: str) -> Any:  # noqa: ANN401 - JSON
-    """Return the value at a path of a snapshot, such as "age_s.evader"; None where a step has none."""
-    part: Any = snapshot
-    for step in path.split("."):
-        if not part:
-            return part
-        part = part[step]
-    return part
+    row = list[Any]()
+    for path in HISTORY:
+        # Such as "age_s.evader"; None where a step has none.
+        value: Any = snapshot
+        for step in path.split("."):
+            if not value:
+                break
+            value = value[step]
+        row.append(round(value, 2) if isinstance(value, float) else value)
+    return row
 
 
 def level_of(value: float, caution: float, warning: float) -> Level:
