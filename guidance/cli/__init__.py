@@ -106,7 +106,12 @@ def ask_daemon(
     details: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file}
     by = words.own_name("ctl")
     if zenoh is None and team is not None:
-        answers = _asked_team_here(order, team, names, by=by, **details)
+        try:
+            answers = socket_client.ask_team_here(order, team, names, by=by, **details)
+        except socket_client.SilentDaemonError as error:
+            # A daemon that hangs keeps no order from the others: they are reached over Zenoh then.
+            print(f"{error}; trying over Zenoh", file=sys.stderr)  # noqa: T201
+            answers = None
         if answers is not None:
             return answers
     elif zenoh is None:
@@ -129,25 +134,6 @@ def ask_daemon(
         if team is None:
             return [control_client.ask(session, order, name, endpoint=details["endpoint"], by=by)]
         return control_client.order_team(session, order, team, names, by=by)
-
-
-def _asked_team_here(
-    order: str,
-    team: str,
-    names: Sequence[str],
-    **given: Any,  # noqa: ANN401 - as of the function
-) -> Sequence[Mapping[str, Any]] | None:
-    """Order a team by the socket on this computer; None if that is no way to it.
-
-    A daemon that hangs keeps no order from the others: they are reached over Zenoh then.
-    """
-    from guidance.session.orders.socket_client import SilentDaemonError, ask_team_here  # noqa: PLC0415 - only orders
-
-    try:
-        return ask_team_here(order, team, names, **given)
-    except SilentDaemonError as error:
-        print(f"{error}; trying over Zenoh", file=sys.stderr)  # noqa: T201
-        return None
 
 
 def print_answer(answer: Mapping[str, Any]) -> int:

@@ -246,7 +246,11 @@ def fly_scenario(
     Raises:
         GuidanceError: For everything that the user can fix.
     """
-    path, scenario = _loaded(name, seed, pursuer)
+    path, scenario = load_any(name, seed)
+    if pursuer is not None:
+        if isinstance(scenario, TeamScenario):
+            raise ConfigError(f"--pursuer {pursuer}: only for a scenario of two players")
+        scenario = with_policies(scenario, pursuer=pursuer)
     urls: tuple[str, ...] = ()
     if not isinstance(how, MockOptions):
         urls = how.urls
@@ -288,16 +292,6 @@ def fly_scenario(
     if unwritten:
         raise OutputError(f"the flight is not recorded whole: {'; '.join(unwritten)}")
     return 0
-
-
-def _loaded(name: str, seed: int | None, pursuer: str | None) -> tuple[Path, FlyableScenario]:
-    """Read a scenario, and give its pursuer another policy."""
-    path, scenario = load_any(name, seed)
-    if pursuer is None:
-        return path, scenario
-    if isinstance(scenario, TeamScenario):
-        raise ConfigError(f"--pursuer {pursuer}: only for a scenario of two players")
-    return path, with_policies(scenario, pursuer=pursuer)
 
 
 def fly_rows(

@@ -26,7 +26,6 @@ from guidance.log import export as exports
 from guidance.log.bag import BAG_FOLDER, write_bag
 from guidance.log.entries import CYCLE, cycle_entry
 from guidance.log.replay import Comparison, Difference
-from guidance.messages import EvaderReport
 from guidance.screen import console, live, pairs, text_table
 from guidance.session.flight_files import RECORD, changes_of, recorded_settings
 from guidance.texts import printable
@@ -90,7 +89,11 @@ def info(file: File, as_json: AsJson = False) -> None:
     """Show duration, channels and versions of a record, and whether it is complete."""
     survey = Survey()
     with record_errors(file):
-        reports = Counter(map(_source, reports_of(file, survey)))
+        reports = Counter[str]()
+        for report in reports_of(file, survey):
+            datum = "unknown" if report.said is None else str(report.said.datum)
+            clock = "with" if math.isfinite(report.sent_s) else "without"
+            reports[f"{report.source}, altitudes {datum}, {clock} the sender's clock"] += 1
         title = title_of(survey.metadata)
         topics = sorted(survey.messages)
     if as_json:
@@ -132,12 +135,6 @@ def info(file: File, as_json: AsJson = False) -> None:
         target.print(Text(printable(fault)))
     if not survey.faults:
         target.print("whole")
-
-
-def _source(report: EvaderReport) -> str:
-    datum = "unknown" if report.said is None else str(report.said.datum)
-    clock = "with" if math.isfinite(report.sent_s) else "without"
-    return f"{report.source}, altitudes {datum}, {clock} the sender's clock"
 
 
 @log.command()

@@ -200,23 +200,22 @@ def _show(rows: Sequence[Finding], *, as_json: bool, all_rows: bool) -> int:
     else:
         screen = console()
         order = list(_STYLE)[: 3 if all_rows else 2]
-        findings: list[Finding] = []
+        lines = []
         for verdict in order:
-            findings += [row for row in rows if row.verdict == verdict]
-        _print_table(screen, ((row.verdict, row.name, _explained(row)) for row in findings))
-        if len(findings) < len(rows):
+            for row in rows:
+                if row.verdict == verdict:
+                    words = f"{row.value}; expected: {row.wanted}"
+                    if row.advice:
+                        words += f". Fix: {row.advice}"
+                    lines.append((row.verdict, row.name, words))
+        _print_table(screen, lines)
+        if len(lines) < len(rows):
             screen.print(
-                f"{len(rows) - len(findings)} more rows pass; --all shows them", soft_wrap=True
+                f"{len(rows) - len(lines)} more rows pass; --all shows them", soft_wrap=True
             )
         words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
         screen.print(words, style=_STYLE["refuse" if refused else "pass"])
     return FlightError.exit_code if refused else 0
-
-
-def _explained(row: Finding) -> str:
-    """Return the value, the expected value and how to fix it."""
-    words = f"{row.value}; expected: {row.wanted}"
-    return f"{words}. Fix: {row.advice}" if row.advice else words
 
 
 def _print_table(screen: Console, lines: Iterable[tuple[str, str, str]]) -> None:
