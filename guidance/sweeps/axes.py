@@ -196,7 +196,10 @@ class Axis:
 
     def columns(self) -> dict[str, pa.DataType]:
         """Return names and types of the columns of the values; vectors of one length have one for each element."""
-        sizes = {_elements_in(extreme) for extreme in self.extremes}
+        sizes = set()
+        for value in self.extremes:
+            is_vector = isinstance(value, list) and _type_of(value) != pa.string()
+            sizes.add(len(value) if is_vector else 0)
         if len(sizes) == 1 and (size := sizes.pop()):
             return {f"{self.key}[{index}]": pa.float64() for index in range(size)}
         return {self.key: _type_of(self.extremes)}
@@ -211,12 +214,6 @@ class Axis:
             texts = [value if isinstance(value, str) else json.dumps(value) for value in values]
             return [pa.array(texts, kind)]
         return [pa.array(values, kind)]
-
-
-def _elements_in(value: Any) -> int:  # noqa: ANN401 - any value of a key
-    """Return the number of elements of a vector; 0 for other values."""
-    is_vector = isinstance(value, list) and _type_of(value) != pa.string()
-    return len(value) if is_vector else 0
 
 
 def _type_of(values: Sequence[Any]) -> pa.DataType:

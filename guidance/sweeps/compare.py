@@ -143,7 +143,10 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
             name_a = " / ".join(a.plan.pairs[number_a])
             name_b = " / ".join(b.plan.pairs[number_b])
             groups.append(_group(name_a, name_b, first, second, paired=paired))
-    largest.sort(key=_ends_and_difference)
+    # Rows with different ends first, then those with the largest difference.
+    largest.sort(
+        key=lambda row: (row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"])))
+    )
     means = "Student's t of the paired differences" if paired else "Welch's t"
     comparison = {
         "paired": paired,
@@ -152,13 +155,6 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
         "largest": largest[:rows],
     }
     return dict(plain(comparison))
-
-
-def _ends_and_difference(row: Mapping[str, Any]) -> tuple[bool, float]:
-    """Order rows with different ends first, then those with the largest difference."""
-    has_same_end = row["end_a"] == row["end_b"]
-    size = abs(np.nan_to_num(row["difference"]))
-    return has_same_end, -size
 
 
 def _selected(rows: Columns, selection: NDArray[Any]) -> Columns:

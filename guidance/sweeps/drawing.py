@@ -175,29 +175,20 @@ def _regret(report: Mapping[str, Any], regrets: Sequence[FloatArray]) -> Figure 
             for pair, numbers in zip(played_pairs, regrets, strict=True)
             if pair["evader"] == evader
         ]
-        _draw_regrets(panel, of_pursuers, styles)
+        for pursuer, numbers in of_pursuers:
+            quantiles = np.quantile(numbers, _SHARES, method="inverted_cdf")
+            style = styles[pursuer]
+            panel.plot(quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **style)
+        all_regrets = np.concatenate([numbers for _, numbers in of_pursuers])
+        # The limits show nearly all regrets, with a margin.
+        low, high = np.quantile(all_regrets, [1.0 - _SHOWN, _SHOWN]).tolist()
+        margin = max(0.03 * (high - low), 1e-6)
+        panel.set(xlim=(low - margin, high + margin), ylim=(0.0, 1.02))
+        panel.axvline(0.0, color="0.5", linewidth=0.8)
         panel.set(xlabel=f"regret, {report['unit']}", title=f"evader: {evader}")
     axes[0, 0].set_ylabel("share of games with at most this regret")
     _legend(figure, axes)
     return figure
-
-
-def _draw_regrets(
-    panel: Any,  # noqa: ANN401 - Matplotlib has no types for it
-    of_pursuers: Sequence[tuple[str, FloatArray]],
-    styles: Mapping[str, Mapping[str, Any]],
-) -> None:
-    """Draw the regrets of each pursuer's policy."""
-    for pursuer, regrets in of_pursuers:
-        quantiles = np.quantile(regrets, _SHARES, method="inverted_cdf")
-        style = styles[pursuer]
-        panel.plot(quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **style)
-    all_regrets = np.concatenate([regrets for _, regrets in of_pursuers])
-    # The limits show nearly all regrets, with a margin.
-    low, high = np.quantile(all_regrets, [1.0 - _SHOWN, _SHOWN]).tolist()
-    margin = max(0.03 * (high - low), 1e-6)
-    panel.set(xlim=(low - margin, high + margin), ylim=(0.0, 1.02))
-    panel.axvline(0.0, color="0.5", linewidth=0.8)
 
 
 def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:

@@ -190,21 +190,7 @@ def _group_summaries(
     varied = [axis for axis in plan.axes if len(axis.values) > 1]
     grid = [key for key in keys if key.grid]
     with_intervals = not (plan.teams or len(varied) > len(grid))
-    groups_of: dict[int, list[dict[str, Any]]] = {}
-    for pair, places, games in _grouped(plan, rows, keys):
-        summary: dict[str, Any] = {}
-        if keys:
-            places_of = zip(keys, places, strict=True)
-            summary["at"] = {key.column: key.labels[index] for key, index in places_of}
-        summary.update(_summary(plan, games, with_intervals=with_intervals))
-        groups_of.setdefault(pair, []).append(summary)
-    return groups_of
-
-
-def _grouped(
-    plan: Plan, rows: Columns, keys: Sequence[Key]
-) -> Iterator[tuple[int, list[int], FloatArray]]:
-    """Yield every group: its pair of policies, its place on each key, and its games as `_summary` takes them."""
+    # A group has one pair of policies, and one place on each key.
     columns = [rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")]
     numbers = np.stack(columns, axis=-1)
     shape = (len(plan.pairs), *(len(key.labels) for key in keys))
@@ -212,9 +198,16 @@ def _grouped(
     order = np.argsort(group, kind="stable")
     groups, begins = np.unique(group[order], return_index=True)
     games_of = np.split(numbers[order], begins[1:])
+    groups_of: dict[int, list[dict[str, Any]]] = {}
     for number, games in zip(groups.tolist(), games_of, strict=True):
         pair, *places = map(int, np.unravel_index(number, shape))
-        yield pair, places, games
+        summary: dict[str, Any] = {}
+        if keys:
+            places_of = zip(keys, places, strict=True)
+            summary["at"] = {key.column: key.labels[index] for key, index in places_of}
+        summary.update(_summary(plan, games, with_intervals=with_intervals))
+        groups_of.setdefault(pair, []).append(summary)
+    return groups_of
 
 
 def _summary(plan: Plan, games: FloatArray, *, with_intervals: bool) -> dict[str, Any]:

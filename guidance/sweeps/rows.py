@@ -5,7 +5,7 @@ import gc
 import hashlib
 import itertools
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -241,8 +241,14 @@ def table_of_rows(plan: Plan, rows: range) -> pa.Table:
     """Play rows and return their table."""
     cases = plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))
     scenarios = list(scenarios_of(plan, cases))
-    valid = [scenario for scenario in scenarios if not isinstance(scenario, str)]
-    outcomes_played = iter(_outcomes_of(plan, valid))
+    valid: list[Any] = [scenario for scenario in scenarios if not isinstance(scenario, str)]
+    # The outcomes of each game: one, or of teams one for every evader.
+    outcomes_played: Iterator[Sequence[Any]]
+    if plan.teams:
+        outcomes_played = iter(play_teams(valid))
+    else:
+        played = play_scenarios(valid) if plan.way == "maths" else map(flown, valid)
+        outcomes_played = ([outcome] for outcome in played)
     outcomes: list[Sequence[Any]] = []
     for row, scenario in enumerate(scenarios):
         if isinstance(scenario, str):
@@ -278,14 +284,6 @@ def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Sequence[Any]]) -> pa.
     cells = [pa.array(column, field.type) for column, field in zip(columns, fields, strict=True)]
     repeated = [column.take(places) for column in swept]
     return pa.Table.from_arrays([*repeated, *cells], schema=plan.schema)
-
-
-def _outcomes_of(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
-    """Return the outcomes of each game: one, or of teams one for every evader."""
-    if plan.teams:
-        return play_teams(games)
-    outcomes = play_scenarios(games) if plan.way == "maths" else map(flown, games)
-    return ([outcome] for outcome in outcomes)
 
 
 def flown(scenario: Scenario) -> Outcome:

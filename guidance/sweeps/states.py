@@ -134,8 +134,11 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
     if strange:
         count = len({row for row, *_ in strange})
         fault = f"{count} of {rows_done} rows have no answer, because a cell is not a number"
-        unanswered = f"{fault}: {_listed(strange)}"
-        target.print(f"{states}: {unanswered}", soft_wrap=True, markup=False)
+        words = [f"row {row}, {column} = {text!r}" for row, column, text in strange[:_SHOWN]]
+        hidden = len(strange) - _SHOWN
+        if hidden > 0:
+            words.append(f"and {hidden} more")
+        target.print(f"{states}: {fault}: {'; '.join(words)}", soft_wrap=True, markup=False)
 
 
 def _checked_out(states: Path, out: Path | None) -> Path:
@@ -155,15 +158,6 @@ def _checked_out(states: Path, out: Path | None) -> Path:
     if states.resolve() == out.resolve():
         raise ConfigError(f"--out {out}: must not be the file of the states")
     return out
-
-
-def _listed(cells: list[_Cell]) -> str:
-    shown_cells = cells[:_SHOWN]
-    words = [f"row {row}, {column} = {text!r}" for row, column, text in shown_cells]
-    hidden = len(cells) - _SHOWN
-    if hidden > 0:
-        words.append(f"and {hidden} more")
-    return "; ".join(words)
 
 
 def _chunks(path: Path) -> Iterator[pa.Table]:
