@@ -133,27 +133,21 @@ def write_results(
         picture = draw_regrets(contest, played, out / _PICTURE)
         paths = [table, picture]
         for pair in pairs:
-            paths += _written_worst(contest, pair, out, worst)
-    return paths
-
-
-def _written_worst(contest: Contest, pair: PlayedPair, out: Path, count: int) -> list[Path]:
-    paths = []
-    for place, number in enumerate(worst_rows(pair, count), 1):
-        row = pair.row
-        scenario = scenario_of_game(contest, row, number)
-        document = scenario.model_dump(
-            mode="json", exclude={"expect"}, exclude_unset=True, exclude_none=True
-        )
-        document["seed"] = scenario.seed
-        game = f"Game {number} of a league with seed {contest.seed}"
-        players = f"{row.player} against {row.opponent}"
-        regret = f"{pair.regret[number]:.3f} {unit_of(contest)}"
-        document["description"] = f"{game}: {players}, regret {regret}."
-        _, _, opponent = row.opponent.rpartition(":")
-        path = out / f"worst-{opponent}-{place}.toml"
-        _write(path, tomlkit.dumps(document))
-        paths.append(path)
+            row = pair.row
+            for place, number in enumerate(worst_rows(pair, worst), 1):
+                scenario = scenario_of_game(contest, row, number)
+                document = scenario.model_dump(
+                    mode="json", exclude={"expect"}, exclude_unset=True, exclude_none=True
+                )
+                document["seed"] = scenario.seed
+                game = f"Game {number} of a league with seed {contest.seed}"
+                players = f"{row.player} against {row.opponent}"
+                regret = f"{pair.regret[number]:.3f} {unit_of(contest)}"
+                document["description"] = f"{game}: {players}, regret {regret}."
+                _, _, opponent = row.opponent.rpartition(":")
+                path = out / f"worst-{opponent}-{place}.toml"
+                _write(path, tomlkit.dumps(document))
+                paths.append(path)
     return paths
 
 

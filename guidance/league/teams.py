@@ -204,25 +204,24 @@ class TeamScenarioGame:
 
     def infos(self, agents: list[str]) -> ByAgent:
         """Return value, regret, winner and reason."""
-        return {agent: self._info(agent) for agent in agents}
-
-    def _info(self, agent: str) -> ByAgent:
-        end = self.ended(agent)
-        winner = Winner.UNDECIDED
-        if self._number(agent) >= self._n:
-            winners = {int(End.CAPTURED): Winner.PURSUER, int(End.ARRIVED): Winner.EVADER}
-            winner = winners.get(end, winner)
-        elif end != End.RUNNING:
-            captured = np.count_nonzero(self._outcomes.end == End.CAPTURED)
-            winner = Winner.PURSUER if captured >= self._guaranteed else Winner.EVADER
-        loss = self._opening_score - self._score
-        regret = self._sign(agent) * loss
-        return {
-            "value": self._score,
-            "regret": regret,
-            "winner": int(winner),
-            "reason": end,
-        }
+        rows: ByAgent = {}
+        for agent in agents:
+            end = self.ended(agent)
+            winner = Winner.UNDECIDED
+            if self._number(agent) >= self._n:
+                winners = {int(End.CAPTURED): Winner.PURSUER, int(End.ARRIVED): Winner.EVADER}
+                winner = winners.get(end, winner)
+            elif end != End.RUNNING:
+                captured = np.count_nonzero(self._outcomes.end == End.CAPTURED)
+                winner = Winner.PURSUER if captured >= self._guaranteed else Winner.EVADER
+            loss = self._opening_score - self._score
+            rows[agent] = {
+                "value": self._score,
+                "regret": self._sign(agent) * loss,
+                "winner": int(winner),
+                "reason": end,
+            }
+        return rows
 
     def _matched(self, previous: Matching | None) -> Matching:
         in_play = self._outcomes.end == End.RUNNING
