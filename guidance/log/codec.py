@@ -233,7 +233,13 @@ def _dictionary_writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, 
         keys = (_TAG, *keys)
         tag = (kind.__name__,)
     hints = get_type_hints(kind)
-    parts = _special_parts(hints, kind._fields)
+    # The fields that can be None or are not written as they are, each with what writes it.
+    parts = list[tuple[str, Callable[[Any], Any] | None]]()
+    for name in kind._fields:
+        write_field = form_of(hints[name]).write
+        is_optional = inside(hints[name]) is not hints[name]
+        if is_optional or write_field is not None:
+            parts.append((name, write_field))
     numbers = [name for name in kind._fields if inside(hints[name]) is float]
 
     def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
@@ -250,19 +256,6 @@ def _dictionary_writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, 
         return fields
 
     return write
-
-
-def _special_parts(
-    hints: Mapping[str, Any], names: Sequence[str]
-) -> list[tuple[str, Callable[[Any], Any] | None]]:
-    """Return the fields that can be None or are not written as they are, each with what writes it."""
-    parts = list[tuple[str, Callable[[Any], Any] | None]]()
-    for name in names:
-        write = form_of(hints[name]).write
-        is_optional = inside(hints[name]) is not hints[name]
-        if is_optional or write is not None:
-            parts.append((name, write))
-    return parts
 
 
 def _field(kind: Any, name: str) -> cs.TypedDictField:  # noqa: ANN401

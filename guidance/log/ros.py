@@ -392,6 +392,15 @@ class RosFlight:
         return _types(ros_types.PATH_TYPE)(self._header(entry.now_s), list(self._poses))
 
     def _diagnostics(self, entry: CycleEntry) -> ros_types.RosValue:
+        flight: dict[str, Any] = {"state": entry.state}
+        if entry.by is not None:
+            flight["by"] = entry.by
+        flight["armed"] = self._vehicle.armed
+        system = self._vehicle.latest.get(SystemStatus)
+        if system is not None:
+            flight["battery_remaining"] = system.battery_remaining
+        if self._tracking.playing:
+            flight["evader"] = self._tracking.playing
         alarm_level = _OK
         alarm_words = "none"
         alarm_values: dict[str, Any] = {"count": self._alarms}
@@ -403,23 +412,11 @@ class RosFlight:
                 alarm_level = _WARN
                 alarm_words = self._alarm.words
         status = [
-            self._status("flight", *self._of_flight(entry)),
+            self._status("flight", _LEVELS.get(entry.state, _OK), str(entry.state), flight),
             self._status("certificate", *_of_certificate(entry.certificate)),
             self._status("alarms", alarm_level, alarm_words, alarm_values),
         ]
         return _types(ros_types.DIAGNOSTICS_TYPE)(self._header(entry.now_s, ""), status)
-
-    def _of_flight(self, entry: CycleEntry) -> tuple[int, str, dict[str, Any]]:
-        values: dict[str, Any] = {"state": entry.state}
-        if entry.by is not None:
-            values["by"] = entry.by
-        values["armed"] = self._vehicle.armed
-        status = self._vehicle.latest.get(SystemStatus)
-        if status is not None:
-            values["battery_remaining"] = status.battery_remaining
-        if self._tracking.playing:
-            values["evader"] = self._tracking.playing
-        return _LEVELS.get(entry.state, _OK), str(entry.state), values
 
     def _status(
         self, part: str, level: int, words: str, values: Mapping[str, Any]
