@@ -528,7 +528,12 @@ def _runs_to_ends_and_crossings(regions: Regions, own_ends: Sequence[Array], rea
     x[..., :count], y[..., :count] = own_ends
     ends[..., :count, :] = np.maximum(reached, beside.safe)
     ends[..., every, every] = reach
-    *rows, pair = np.nonzero(_crossed(reached, pairs))
+    # Edges cross if each is the shorter one along its own heading; every pair stands for both crossings.
+    i, j = pairs.T
+    first_shorter = reached[..., i, i] > reached[..., i, j]
+    second_shorter = reached[..., j, j] > reached[..., j, i]
+    crossed = first_shorter & second_shorter
+    *rows, pair = np.nonzero(np.concatenate([crossed, crossed], axis=-1))
     if len(pair):
         entry = (*rows, count + pair)
         is_second = pair >= len(pairs)
@@ -538,15 +543,6 @@ def _runs_to_ends_and_crossings(regions: Regions, own_ends: Sequence[Array], rea
         ends[entry] = survived(regions.pick(tuple(rows)), for_each(heading))
     far = np.fmax(ends.min(axis=-1), -np.inf)
     return _Runs(x, y, far, ends.argmin(axis=-1), decide)
-
-
-def _crossed(reached: Array, pairs: Array) -> Array:
-    """Return which pairs' edges cross between their own headings, (..., 2 k): each of both crossings."""
-    i, j = pairs.T
-    first_shorter = reached[..., i, i] > reached[..., i, j]
-    second_shorter = reached[..., j, j] > reached[..., j, i]
-    crossed = first_shorter & second_shorter
-    return np.concatenate([crossed, crossed], axis=-1)
 
 
 def _crossings(

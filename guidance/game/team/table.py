@@ -257,7 +257,14 @@ def together(team: PursuerGames, index: tuple[Any, ...]) -> Meeting:
     own_worth = team.own[index]
     regions = team.regions.pick(index)
     end = (team.x[index], team.y[index])
-    bind = _both_cut(team, regions, end) & (first_member != second_member)
+    # Both bind if each cuts the run off to the other's own end.
+    far = NUMPY.norm2(end)
+    other = ((end[0] / far)[..., ::-1], (end[1] / far)[..., ::-1])
+    reach = edge(regions, other).reach
+    cut = (reach[..., ::-1] < far).all(axis=-1)
+    # No value of PE with two pursuers is proven in wind
+    is_proven = team.goal is not None or team.game.calm
+    bind = cut & is_proven & (first_member != second_member)
     x, y, bounded = _bounds(team, regions, end, team.worth[index], bind)
     alone = own_worth.max(axis=-1)
     single = ~bind | (alone >= bounded)
@@ -265,24 +272,6 @@ def together(team: PursuerGames, index: tuple[Any, ...]) -> Meeting:
     first = np.where(single, better_alone, first_member)
     second = np.where(single, better_alone, second_member)
     return Meeting(x, y, np.where(single, alone, bounded), first, second)
-
-
-def _both_cut(team: PursuerGames, regions: Regions, end: PlaneArrays) -> Array:
-    """Return which two pursuers each cut the run off to the other's own end, (..., k).
-
-    Args:
-        team: the pursuers.
-        regions: of both, (..., k, 2).
-        end: the own ends of both, (..., k, 2).
-    """
-    far = NUMPY.norm2(end)
-    other_x = (end[0] / far)[..., ::-1]
-    other_y = (end[1] / far)[..., ::-1]
-    reach = edge(regions, (other_x, other_y)).reach
-    cut = (reach[..., ::-1] < far).all(axis=-1)
-    # No value of PE with two pursuers is proven in wind
-    is_proven = team.goal is not None or team.game.calm
-    return np.asarray(cut & is_proven)
 
 
 def _bounds(
