@@ -263,18 +263,14 @@ class Coordinator:
         else:
             loss = before.value - value if scene.target_m is not None else value - before.value
             is_worse = loss > _NOISE
-        if is_worse:
-            cause = self._cause(scene, before.evader, vehicles)
-            if cause:
-                return value, cause
-        return before.value, before.cause
-
-    def _cause(self, scene: CoordinatorView, evader: str, vehicles: list[str]) -> str:
-        """Say why a promise cannot be kept; empty if nothing explains it, and then it stands."""
+        if not is_worse:
+            return before.value, before.cause
         roles = self._board.roles
-        seen_evader = scene.evaders[evader]
+        evader = scene.evaders[before.evader]
         if roles is not None and any(role.vehicle not in vehicles for role in roles.roles):
-            return "vehicle lost"
-        if seen_evader.speed_m_s > seen_evader.declared_m_s + _NOISE:
-            return "faster evader"
-        return "stale data" if seen_evader.age_s > _STALE_S else ""
+            return value, "vehicle lost"
+        if evader.speed_m_s > evader.declared_m_s + _NOISE:
+            return value, "faster evader"
+        if evader.age_s > _STALE_S:
+            return value, "stale data"
+        return before.value, before.cause

@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from typing import Any, Final, Literal
 
 from guidance.flight import Event, Flight, Outputs, State
-from guidance.frames import Amsl, Enu, GameFrame, Ned
+from guidance.frames import Amsl, Enu, Ned
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
 from guidance.team.board import Board
 from guidance.team.coordinator import (
@@ -267,7 +267,20 @@ class Member:
         game_frame = tracking.game_frame
         if frame is None or game_frame is None or own_state is None:
             return None
-        evaders, plane_m = self._evaders_seen(now_s, flight, game_frame)
+        # The evaders in play that are heard, on their plane, and the height of this plane.
+        evaders = {}
+        heights_m = []
+        for name in self._evaders:
+            estimate = tracking.evader(now_s, name)
+            if estimate is None or name in self.board.over:
+                continue
+            x, y, z = game_frame.position_from_ned(estimate.position_ned_m)
+            declared_m_s = flight.settings.evaders.get(name, cycle.game.evader_speed_m_s)
+            evaders[name] = EvaderSeen(
+                Enu((x, y, 0.0)), estimate.speed_bound_m_s, declared_m_s, estimate.age_s
+            )
+            heights_m.append(z)
+        plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
         vehicles = {}
         states = []
         for name, mate in self.board.mates.items():
@@ -283,26 +296,6 @@ class Member:
             x, y, z = game_frame.position_from_ned(position_ned_m)
             vehicles[state.vehicle] = Enu((x, y, z - plane_m)), state
         return CoordinatorView(vehicles, evaders, cycle.target_game_m, cycle.game)
-
-    def _evaders_seen(
-        self, now_s: float, flight: Flight, game_frame: GameFrame
-    ) -> tuple[dict[str, EvaderSeen], float]:
-        """Return the evaders in play that are heard, on their plane, and the height of this plane."""
-        settings = flight.settings
-        evaders = {}
-        heights_m = []
-        for name in self._evaders:
-            estimate = flight.tracking.evader(now_s, name)
-            if estimate is None or name in self.board.over:
-                continue
-            x, y, z = game_frame.position_from_ned(estimate.position_ned_m)
-            declared_m_s = settings.evaders.get(name, settings.cycle.game.evader_speed_m_s)
-            evaders[name] = EvaderSeen(
-                Enu((x, y, 0.0)), estimate.speed_bound_m_s, declared_m_s, estimate.age_s
-            )
-            heights_m.append(z)
-        plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
-        return evaders, plane_m
 
 
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:
