@@ -335,26 +335,26 @@ def _of_json(frame: LocalFrame, key: str, _frame_id: str = MAP_FRAME) -> tuple[s
     return key, partial(report_of_json, frame=frame, source=key)
 
 
-def _of_poses(
-    frame: LocalFrame, topic: str, frame_id: str = MAP_FRAME
+def _of_ros(
+    frame: LocalFrame,
+    topic: str,
+    frame_id: str = MAP_FRAME,
+    *,
+    kind: str,
+    type_name: str,
+    moves: bool,
 ) -> tuple[str, PayloadReader]:
-    ros_types.prepare('evader.kind = "ros_pose"', ros_types.POSE_STAMPED)
-    reader = partial(read_ros, frame=frame, moves=False, frame_id=frame_id)
-    return rmw_key(topic, ros_types.POSE_STAMPED), reader
-
-
-def _of_odometry(
-    frame: LocalFrame, topic: str, frame_id: str = MAP_FRAME
-) -> tuple[str, PayloadReader]:
-    ros_types.prepare('evader.kind = "ros_odometry"', ros_types.ODOMETRY_TYPE)
-    reader = partial(read_ros, frame=frame, moves=True, frame_id=frame_id)
-    return rmw_key(topic, ros_types.ODOMETRY_TYPE), reader
+    ros_types.prepare(f'evader.kind = "{kind}"', type_name)
+    reader = partial(read_ros, frame=frame, moves=moves, frame_id=frame_id)
+    return rmw_key(topic, type_name), reader
 
 
 KEYS: Final[Mapping[str, Callable[..., tuple[str, PayloadReader]]]] = {
     "json": _of_json,
-    "ros_pose": _of_poses,
-    "ros_odometry": _of_odometry,
+    "ros_pose": partial(_of_ros, kind="ros_pose", type_name=ros_types.POSE_STAMPED, moves=False),
+    "ros_odometry": partial(
+        _of_ros, kind="ros_odometry", type_name=ros_types.ODOMETRY_TYPE, moves=True
+    ),
 }
 """Key and payload by their name in a configuration. The URL's path is the key, or the ROS topic."""
 

@@ -13,6 +13,7 @@ A message that cannot be sent at once is dropped, as rmw_zenoh does for publishe
 Source: https://github.com/ros2/rmw_zenoh/blob/rolling/docs/design.md.
 """
 
+import contextlib
 import struct
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
@@ -129,8 +130,13 @@ class RosNode:
         key = key_of(self._domain_id, name, ros_types.TRIGGER)
 
         def hear(query: "zenoh.Query") -> None:
-            request = _request(query, key)
-            if request is not None:
+            request = None
+            if query.attachment is not None and is_small(query):
+                with contextlib.suppress(ValueError):
+                    request = ServiceRequest(query, key, attachment_of(query.attachment.to_bytes()))
+            if request is None:
+                query.drop()  # type: ignore[no-untyped-call]
+            else:
                 answer(request)
 
         queries = self._session.declare_queryable(key, hear, complete=True)
@@ -200,14 +206,3 @@ class ServiceRequest:
             lambda: self._query.reply(self._key, data, attachment=attachment.encode()),
             self._query.drop,
         )
-
-
-def _request(query: "zenoh.Query", key: str) -> ServiceRequest | None:
-    """Return the request of a query; None, and no reply, if it is not one."""
-    if query.attachment is not None and is_small(query):
-        try:
-            return ServiceRequest(query, key, attachment_of(query.attachment.to_bytes()))
-        except ValueError:
-            pass
-    query.drop()  # type: ignore[no-untyped-call]
-    return None
