@@ -334,17 +334,13 @@ def parse_document(
                 location = named[1].split(".")
             locations.append(location)
         lines = lines_of(text, locations)
-        faults = [
-            f"  {_line_words(line)}{explain(model, fault)}"
-            for fault, line in zip(listed, lines, strict=True)
-        ]
+        faults = []
+        for fault, line in zip(listed, lines, strict=True):
+            where = "" if line is None else f"line {line}: "
+            faults.append(f"  {where}{explain(model, fault)}")
         if len(errors) > MOST_FAULTS:
             faults.append(f"  and {len(errors) - MOST_FAULTS} more faults")
         raise ConfigError(f"{source}:\n" + "\n".join(faults)) from error
-
-
-def _line_words(line: int | None) -> str:
-    return "" if line is None else f"line {line}: "
 
 
 def explain(model: type[BaseModel], fault: ErrorDetails) -> str:

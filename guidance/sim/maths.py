@@ -299,9 +299,16 @@ def _step_s(
 ) -> FloatArray:
     """Return the next step, (n,): to the next end, change or event, at most `longest_s`; 0 of a finished game."""
     time_left_s = batch.limit_s - moment.now_s
-    ends_s = time_left_s, captured_s, ahead.arrival_s, ahead.turn_s
-    changes_s = _changes_s(batch, moment)
-    step_s = reduce(np.minimum, (longest_s, *ends_s, *changes_s))
+    limits_s = [longest_s, time_left_s, captured_s, ahead.arrival_s, ahead.turn_s]
+    # When a course turns, and when a report is measured or arrives.
+    limits_s.extend(
+        policy.course.corner_s(moment.now_s) - moment.now_s
+        for policy in (batch.pursuer, batch.evader)
+        if policy.course is not None
+    )
+    if moment.received is not None:
+        limits_s.append(next_event_s(batch.kind.sensor, moment.received) - moment.now_s)
+    step_s = reduce(np.minimum, limits_s)
     return np.where(moment.end == End.RUNNING, step_s, 0.0)
 
 
@@ -511,15 +518,6 @@ def view_of(batch: Batch, moment: BatchMoment, E: FloatArray, run_m_s: FloatArra
 
 def _memory(moment: BatchMoment) -> StrategyMemory:
     return StrategyMemory(moment.flown_m_s, moment.now_s, moment.turning_rad_s)
-
-
-def _changes_s(batch: Batch, moment: BatchMoment) -> Iterator[FloatArray]:
-    """Yield the times, (n,), until a course turns and until a report is measured or arrives."""
-    for policy in (batch.pursuer, batch.evader):
-        if policy.course is not None:
-            yield policy.course.corner_s(moment.now_s) - moment.now_s
-    if moment.received is not None:
-        yield next_event_s(batch.kind.sensor, moment.received) - moment.now_s
 
 
 def _held_back(batch: Batch, P: FloatArray) -> tuple[FloatArray, Sequence[NDArray[np.bool_]]]:

@@ -49,26 +49,23 @@ class Course:
         t = np.asarray(played_s, dtype=np.float64)
         passed = np.sum(self.times_s <= t[..., None], axis=-1) - 1
         leg = np.clip(passed, 0, self.times_s.shape[-1] - 2)
-        begin_s, end_s, begin_m, end_m = self._ends_of(leg)
-        lasts_s = np.maximum(end_s - begin_s, 1e-9)[..., None]
-        leg_m = end_m - begin_m
-        leg_m_s = leg_m / lasts_s
-        share = np.clip((t - begin_s)[..., None] / lasts_s, 0.0, 1.0)
-        place_m = begin_m + share * leg_m
-        is_underway = passed == leg
-        along_m_s = np.where(is_underway[..., None], leg_m_s, 0.0)
-        back_m_s = (place_m - position_m) / _BACK_S
-        return np.asarray(along_m_s + back_m_s)
-
-    def _ends_of(self, leg: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return the first and last time, (...), and the first and last place, (..., 3), of legs (...)."""
+        # Times and places of both ends of the leg.
         corners = (*leg.shape, self.times_s.shape[-1])
         ends = np.stack([leg, leg + 1], axis=-1)
         all_times_s = np.broadcast_to(self.times_s, corners)
         all_places_m = np.broadcast_to(self.places_m, (*corners, 3))
         times_s = np.take_along_axis(all_times_s, ends, -1)
         places_m = np.take_along_axis(all_places_m, ends[..., None], -2)
-        return times_s[..., 0], times_s[..., 1], places_m[..., 0, :], places_m[..., 1, :]
+        begin_m = places_m[..., 0, :]
+        lasts_s = np.maximum(times_s[..., 1] - times_s[..., 0], 1e-9)[..., None]
+        leg_m = places_m[..., 1, :] - begin_m
+        leg_m_s = leg_m / lasts_s
+        share = np.clip((t - times_s[..., 0])[..., None] / lasts_s, 0.0, 1.0)
+        place_m = begin_m + share * leg_m
+        is_underway = passed == leg
+        along_m_s = np.where(is_underway[..., None], leg_m_s, 0.0)
+        back_m_s = (place_m - position_m) / _BACK_S
+        return np.asarray(along_m_s + back_m_s)
 
     def corner_s(self, played_s: ArrayLike) -> FloatArray:
         """Return the time, (...), at which the velocity changes next; infinite after the last time."""

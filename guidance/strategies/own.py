@@ -155,9 +155,19 @@ def load_policy(name: str) -> Choose:
     if _FORM.fullmatch(name) is None:
         raise ConfigError(f"policy = {name!r}: must be {_FORM_WORDS}")
     function_name, bracket, listed = name.partition("(")
-    choose = _LOADED.get(function_name) or _function(name, function_name)
+    choose = _LOADED.get(function_name)
+    if choose is None:
+        choose = _function(name, function_name)
     if bracket:
-        parameters = _parameters(name, listed.removesuffix(")"))
+        listed = listed.removesuffix(")")
+        try:
+            call = ast.parse(f"f({listed})", mode="eval").body
+            keywords = call.keywords if isinstance(call, ast.Call) and not call.args else ()
+            parameters = {str(one.arg): ast.literal_eval(one.value) for one in keywords}
+        except (SyntaxError, ValueError) as error:
+            raise ConfigError(
+                f"policy = {name!r}: parameters must be name=value, with commas between: {listed}"
+            ) from error
         try:
             signature = inspect.signature(choose)
             signature.bind(None, **parameters)
@@ -174,7 +184,16 @@ def load_policy(name: str) -> Choose:
 
 def _function(name: str, function_name: str) -> Choose:
     source, _, function = function_name.rpartition(":")
-    module = _imported(name, source)
+    path = Path(source)
+    is_file = source.endswith(".py")
+    if is_file and not path.is_file():
+        raise ConfigError(f"policy = {name!r}: there is no file {path} in {Path.cwd()}")
+    try:
+        module = _run_file(path) if is_file else importlib.import_module(source)
+    except Exception as error:
+        raise ConfigError(
+            f"policy = {name!r}: {source} cannot be imported: {type(error).__name__}: {error}"
+        ) from error
     choose: Choose | None = getattr(module, function, None)
     if choose is None or not callable(choose):
         functions = [key for key, value in vars(module).items() if callable(value)]
@@ -183,31 +202,6 @@ def _function(name: str, function_name: str) -> Choose:
             f"policy = {name!r}: {source} has no function {function}; it has: {allowed}"
         )
     return choose
-
-
-def _parameters(name: str, listed: str) -> dict[str, Any]:
-    try:
-        call = ast.parse(f"f({listed})", mode="eval").body
-        keywords = call.keywords if isinstance(call, ast.Call) and not call.args else ()
-        parameters = {str(one.arg): ast.literal_eval(one.value) for one in keywords}
-    except (SyntaxError, ValueError) as error:
-        raise ConfigError(
-            f"policy = {name!r}: parameters must be name=value, with commas between: {listed}"
-        ) from error
-    return parameters
-
-
-def _imported(name: str, source: str) -> Any:  # noqa: ANN401 - a module has no type of its own
-    path = Path(source)
-    is_file = source.endswith(".py")
-    if is_file and not path.is_file():
-        raise ConfigError(f"policy = {name!r}: there is no file {path} in {Path.cwd()}")
-    try:
-        return _run_file(path) if is_file else importlib.import_module(source)
-    except Exception as error:
-        raise ConfigError(
-            f"policy = {name!r}: {source} cannot be imported: {type(error).__name__}: {error}"
-        ) from error
 
 
 def _run_file(path: Path) -> Any:  # noqa: ANN401 - a module has no type of its own

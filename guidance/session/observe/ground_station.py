@@ -113,8 +113,13 @@ class GroundStationOutput(Sink):
             self._link.send_heartbeat()
         for text in texts_of(report.outputs, self._unit):
             self._keep(now_s, text)
-        if any(map(_ends_an_order, report.outputs.transitions)):
-            self._in_force = None
+        for transition in report.outputs.transitions:
+            if transition.after is transition.before:
+                continue
+            # A change of the state by an order, or to an end, ends what was ordered before.
+            ordered = transition.event in ORDERS_BY_COMMAND.values()
+            if ordered or transition.after in HANDING_OVER | FINAL:
+                self._in_force = None
         self._answer(now_s)
         for command in self._link.receive():
             self._take(now_s, command)
@@ -216,14 +221,6 @@ class GroundStationOutput(Sink):
             self._link.answer(command, TEMPORARILY_REJECTED)
             words = f"guidance: {question.order} refused: {answer.get('reason', '')}"
             self._keep(now_s, _Text(WARNING, words))
-
-
-def _ends_an_order(transition: Transition) -> bool:
-    """True if a change of the state ends what was ordered before."""
-    ended = (
-        transition.event in ORDERS_BY_COMMAND.values() or transition.after in HANDING_OVER | FINAL
-    )
-    return ended and transition.after is not transition.before
 
 
 def evaders_of(settings: FlightSettings) -> tuple[str, ...]:
