@@ -103,7 +103,7 @@ def run(
     path, scenario_played = load_any(name, seed)
     screen = console(stderr=as_json)
     screen.print(headed(scenario_played.title, f"  ({path.name}, as {way})"))
-    arguments.may_fly(vehicle or [], yes=yes)
+    arguments.may_fly([] if vehicle is None else vehicle, yes=yes)
     rows: Sequence[Any]
     if way != "maths":
         from guidance.session.open.file import ByFile  # noqa: PLC0415 - slow imports

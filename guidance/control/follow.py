@@ -299,9 +299,10 @@ def follow(
     else:
         wanted = desired_ned_m_s.level_with(desired_ned_m_s.down * pace.max_speed_ratio)
         deficit_m = 0.0
-    desired, braking = approach(
-        wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, handling.approach
-    )
+    evader_ned_m_s = here.evader_velocity_ned_m_s
+    if evader_ned_m_s is None:
+        evader_ned_m_s = STILL
+    desired, braking = approach(wanted, flown, evader_ned_m_s, gaps, handling.approach)
     if braking:
         deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
     fed, servo = serve(

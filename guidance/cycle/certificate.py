@@ -341,7 +341,7 @@ def _defended(
 ) -> Certified:
     """Add this vehicle's promises in TAD, and choose its course."""
     E = players.evader_m
-    T = players.target_m or _NOWHERE
+    T = _NOWHERE if players.target_m is None else players.target_m
     u = game.pursuer.horizontal_m_s
     # The speed over the ground that the vehicle has shown, or is trusted with before.
     trusted_m_s = min(

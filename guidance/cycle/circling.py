@@ -119,7 +119,7 @@ class Circling(NamedTuple):
             chord_s *= math.sin(half_rad) / half_rad
         cos = math.cos(half_rad)
         sin = math.sin(half_rad)
-        east_m_s, north_m_s, _ = self.evader_m_s or _STILL
+        east_m_s, north_m_s, _ = _STILL if self.evader_m_s is None else self.evader_m_s
         way_east_m = chord_s * (cos * east_m_s - sin * north_m_s)
         way_north_m = chord_s * (sin * east_m_s + cos * north_m_s)
         return evader_m + Enu((way_east_m, way_north_m, 0.0))

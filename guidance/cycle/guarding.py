@@ -49,6 +49,7 @@ UNSURE: Final = 0.03
 _WIDE_UNSURE_S: Final = 0.1
 """The time at a wide target, where a vehicle with the verdict "pursuer" flies so as to keep it."""
 
+_NOWHERE: Final = (math.nan, math.nan, math.nan)
 _TINY_M: Final = 1e-9
 _SPACING_M: Final = 3.0
 _FEWEST: Final = 8
@@ -166,7 +167,7 @@ def is_held(game: Game) -> bool:
 
 def _race(shown: Game, players: Players, vehicle: Capability, flies_on_s: float) -> _Race:
     """Return both players over the ground, relative to the target."""
-    target_m = np.array((players.target_m or (math.nan, math.nan))[:2])
+    target_m = np.array((_NOWHERE if players.target_m is None else players.target_m)[:2])
     target_m_s = np.array(shown.target_velocity_m_s)
     return _Race(
         np.array(players.pursuer_m[:2]) - target_m,
@@ -331,7 +332,7 @@ def _level_s(game: Game, players: Players, vehicle: Capability) -> float:
 
 def _guarded_point(game: Game, solution: StateSolution, players: Players) -> tuple[float, float]:
     """Return the point of the target that is closest to the meeting point, from the target's position then."""
-    x_m, y_m, _ = players.target_m or (math.nan, math.nan, math.nan)
+    x_m, y_m, _ = _NOWHERE if players.target_m is None else players.target_m
     time_s = solution.meeting_time_s
     x_m = solution.meeting_point_m[0] - x_m - game.target_velocity_m_s[0] * time_s
     y_m = solution.meeting_point_m[1] - y_m - game.target_velocity_m_s[1] * time_s
@@ -349,7 +350,16 @@ def outline(extent: Extent) -> Array:
     points: list[tuple[float, float]] = []
     if len(corners) > 1:
         for begin, end in zip(corners, (*corners[1:], corners[0]), strict=True):
-            points += _outline_of_edge(begin, end, radius_m)
+            # Points of the edge, moved outwards by the radius; the corners run counterclockwise.
+            way_x = end[0] - begin[0]
+            way_y = end[1] - begin[1]
+            length_m = math.hypot(way_x, way_y)
+            out_x = radius_m * way_y / length_m
+            out_y = -radius_m * way_x / length_m
+            steps = max(1, math.ceil(length_m / _SPACING_M))
+            for step in range(steps + 1):
+                share = step / steps
+                points.append((begin[0] + share * way_x + out_x, begin[1] + share * way_y + out_y))
     if radius_m == 0.0:
         return np.array(tuple(dict.fromkeys((*points, *corners))))
     steps = max(_FEWEST, math.ceil(math.tau * radius_m / _SPACING_M))
@@ -359,23 +369,6 @@ def outline(extent: Extent) -> Array:
         corner = max(corners, key=lambda corner: corner[0] * x + corner[1] * y)
         points.append((corner[0] + radius_m * x, corner[1] + radius_m * y))
     return np.array(points)
-
-
-def _outline_of_edge(
-    begin: tuple[float, float], end: tuple[float, float], radius_m: float
-) -> list[tuple[float, float]]:
-    """Return points of an edge, moved outwards by a radius; the corners run counterclockwise."""
-    way_x = end[0] - begin[0]
-    way_y = end[1] - begin[1]
-    length_m = math.hypot(way_x, way_y)
-    out_x = radius_m * way_y / length_m
-    out_y = -radius_m * way_x / length_m
-    steps = max(1, math.ceil(length_m / _SPACING_M))
-    points = []
-    for step in range(steps + 1):
-        share = step / steps
-        points.append((begin[0] + share * way_x + out_x, begin[1] + share * way_y + out_y))
-    return points
 
 
 @lru_cache

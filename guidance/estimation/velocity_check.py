@@ -105,20 +105,17 @@ def check_velocity(check: VelocityCheck, measurement: Measurement) -> VelocityCh
     )
     if step_s > _LONGEST_GAP_S:
         return check._replace(samples=(sample,), wrong_since_s=math.nan, wrong_samples=0)
-    samples = _windowed((*check.samples, sample))
-    if len(samples) < _LEAST_SAMPLES or time_s - samples[0].time_s < _WINDOW_S - _APART_S:
-        return check._replace(samples=samples)
-    return _judged(check, samples, step_s)
-
-
-def _windowed(samples: tuple[PlaneReport, ...]) -> tuple[PlaneReport, ...]:
-    """Return the newest samples that span the window, and the least number of them at least."""
+    # The newest samples that span the window, and at least the least number of them.
+    samples = (*check.samples, sample)
     begin_s = samples[-1].time_s - _WINDOW_S - _APART_S
     enough = max(0, len(samples) - _LEAST_SAMPLES)
     first = 0
     while first < enough and samples[first].time_s < begin_s:
         first += 1
-    return samples[first:]
+    samples = samples[first:]
+    if len(samples) < _LEAST_SAMPLES or time_s - samples[0].time_s < _WINDOW_S - _APART_S:
+        return check._replace(samples=samples)
+    return _judged(check, samples, step_s)
 
 
 def _judged(check: VelocityCheck, samples: tuple[PlaneReport, ...], step_s: float) -> VelocityCheck:

@@ -184,7 +184,18 @@ class Observed:
         """Update only the vehicle."""
         self.beats = [message for message in messages if isinstance(message, Heartbeat)]
         if self.beats:
-            messages = self._without_other_beats(messages)
+            # Count and drop HEARTBEATs that are not the configured autopilot's; `beats` keeps its own.
+            speaks = self._settings.autopilot.speaks
+            others = [beat for beat in self.beats if not speaks(beat)]
+            if others:
+                self.other_beats += len(others)
+                self.other_beat = others[-1]
+                self.beats = [beat for beat in self.beats if speaks(beat)]
+                messages = [
+                    message
+                    for message in messages
+                    if not isinstance(message, Heartbeat) or speaks(message)
+                ]
         self.messages = messages
         self.vehicle = observe(self.vehicle, messages)
         for beat in self.beats:
@@ -203,19 +214,6 @@ class Observed:
     def fix_home(self) -> None:
         """Keep home where it is from now on, and with it the fence and all heights."""
         self.vehicle = self.vehicle._replace(home_fixed=True)
-
-    def _without_other_beats(self, messages: Sequence[Message]) -> Sequence[Message]:
-        """Count and drop HEARTBEATs that are not the configured autopilot's; `beats` keeps its own."""
-        speaks = self._settings.autopilot.speaks
-        others = [beat for beat in self.beats if not speaks(beat)]
-        if not others:
-            return messages
-        self.other_beats += len(others)
-        self.other_beat = others[-1]
-        self.beats = [beat for beat in self.beats if speaks(beat)]
-        return [
-            message for message in messages if not isinstance(message, Heartbeat) or speaks(message)
-        ]
 
     def take_in(self, now_s: float, inputs: Inputs, dt_s: float = 0.0, *, in_flight: bool) -> None:
         """Update everything with the inputs of one cycle.
@@ -339,7 +337,14 @@ class Observed:
             if state.at_s - at_s <= FORGOTTEN_S
         }
         before = self.aircraft.pop(state.name, None)
-        if self._is_player(reported_ned_m, report, state.at_s, frame):
+        # A mate or an evader may be where the aircraft is reported.
+        evaders = (self.tracking.evader(report.received_s, name) for name in self._settings.evaders)
+        players = [evader.position_ned_m for evader in evaders if evader is not None]
+        players += [
+            self._around(mate, state.at_s, frame).position_ned_m for mate in self.mates.values()
+        ]
+        same_m = SAME_M + report.error_m
+        if any(math.dist(reported_ned_m, player) <= same_m for player in players):
             return
         if before is not None:
             # No aircraft can reach one of two places from the other.
@@ -359,16 +364,6 @@ class Observed:
             self._noted_s = report.received_s
             words = f"{state.name}, {distance_m:.0f} m away, unsigned"
             self.notes.append((Event.AIRCRAFT, words))
-
-    def _is_player(
-        self, reported_ned_m: Ned, report: messages.Aircraft, at_s: float, frame: LocalFrame
-    ) -> bool:
-        """True if a mate or an evader is where an aircraft is reported."""
-        evaders = (self.tracking.evader(report.received_s, name) for name in self._settings.evaders)
-        players = [evader.position_ned_m for evader in evaders if evader is not None]
-        players += [self._around(mate, at_s, frame).position_ned_m for mate in self.mates.values()]
-        same_m = SAME_M + report.error_m
-        return any(math.dist(reported_ned_m, player) <= same_m for player in players)
 
     def _farthest_aircraft(self, here_ned_m: Ned, now_s: float, frame: LocalFrame) -> str:
         """Return the name of the aircraft that is farthest from here."""

@@ -161,7 +161,26 @@ class Game(Numbers):
         object.__setattr__(self, "varies", bool(arrays))
         object.__setattr__(self, "calm", all(map(is_zero, self.wind_m_s)))
         self._require_speeds()
-        self._require_space()
+        if self.evader_space != "plane":
+            if self.evader_space != "space":
+                raise ConfigError(
+                    f"evader_space = {self.evader_space!r}: must be 'plane' or 'space'"
+                )
+            plain = (
+                is_zero(self.standoff.radius_m)
+                and is_zero(self.standoff.height_m)
+                and self.target_extent == POINT
+            )
+            if not (
+                plain
+                and self.pursuer.isotropic
+                and self.calm
+                and self.target_velocity_m_s == NO_WIND
+            ):
+                allowed = "the speed set Ball, without stand-off, wind, or a target that moves or has an extent"
+                raise ConfigError(
+                    f"evader_space = 'space': an evader that flies is defined for {allowed}"
+                )
 
     def against(
         self, evader_speed_m_s: float, information_age_s: float, horizontal_m_s: float | None = None
@@ -212,24 +231,6 @@ class Game(Numbers):
         if isinstance(self.evader_speed_m_s, float) and not target < self.evader_speed_m_s:
             allowed = f"must be slower than the evader ({self.evader_speed_m_s!r} m/s)"
             raise ConfigError(f"target_velocity_m_s = {self.target_velocity_m_s!r}: {allowed}")
-
-    def _require_space(self) -> None:
-        if self.evader_space == "plane":
-            return
-        if self.evader_space != "space":
-            raise ConfigError(f"evader_space = {self.evader_space!r}: must be 'plane' or 'space'")
-        plain = (
-            is_zero(self.standoff.radius_m)
-            and is_zero(self.standoff.height_m)
-            and self.target_extent == POINT
-        )
-        if not (
-            plain and self.pursuer.isotropic and self.calm and self.target_velocity_m_s == NO_WIND
-        ):
-            allowed = "the speed set Ball, without stand-off, wind, or a target that moves or has an extent"
-            raise ConfigError(
-                f"evader_space = 'space': an evader that flies is defined for {allowed}"
-            )
 
 
 def speed_in_hand(game: Game) -> Real:

@@ -227,7 +227,19 @@ def touch(xp: Library, hunt: Hunt) -> AimedHeading:
             disc = xp.unit2(end, xp.norm2(end))
         return AimedHeading(_half_angle(xp, hunt, run), disc)
     path = way_along(xp, hunt, AimedHeading(0.0 * end[0], disc))
-    e0, z2 = _virtual(xp, hunt, path)
+    # The vector from the virtual pursuer without lead to the evader, and its height squared.
+    e0 = hunt.to_evader
+    z2 = hunt.z2
+    if not is_zero(hunt.radius):
+        e0 = plus2(e0, -hunt.radius, path.to)
+    if not is_zero(hunt.capture):
+        near = xp.norm2(path.flight)
+        distance = xp.sqrt(near * near + z2)
+        share = hunt.capture / xp.select(distance > 0, distance, 1.0)
+        e0 = plus2(e0, -share, in_plane(path.n, path.flight))
+        z2 = ((1.0 - share) * (1.0 - share)) * z2
+    if hunt.wind is not None:
+        e0 = plus2(e0, -path.t, hunt.wind)
     lag = times2(hunt.lag, path.n)
     goal = plus2(to_target, -1.0, lag)
     if hunt.drift is not None:
@@ -260,21 +272,6 @@ def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
     """Return the heading of a run, at most 90° from straight ahead."""
     divisor = xp.norm2(run) + dot2(run, hunt.ahead)
     return clipped(xp, cross2(hunt.ahead, run) / xp.select(divisor > 0, divisor, 1.0))
-
-
-def _virtual(xp: Library, hunt: Hunt, path: HeadingRun) -> tuple[Plane, Real]:
-    """Return the vector from the virtual pursuer without lead to the evader, and its height squared."""
-    e0 = hunt.to_evader
-    z2 = hunt.z2
-    if not is_zero(hunt.radius):
-        e0 = plus2(e0, -hunt.radius, path.to)
-    if not is_zero(hunt.capture):
-        near = xp.norm2(path.flight)
-        distance = xp.sqrt(near * near + z2)
-        share = hunt.capture / xp.select(distance > 0, distance, 1.0)
-        e0 = plus2(e0, -share, in_plane(path.n, path.flight))
-        z2 = ((1.0 - share) * (1.0 - share)) * z2
-    return e0 if hunt.wind is None else plus2(e0, -path.t, hunt.wind), z2
 
 
 def bracket(xp: Library, hunt: Hunt, start: AimedHeading, steps: int) -> AimedHeading:

@@ -197,7 +197,22 @@ def _samples(
         running = sample.end == End.RUNNING
         if isinstance(stepping, Exact):
             order = stepping.order
-            (now, h) = _located(xp, game, sample, stepping, duration_s)
+            # The end of each game and its next step; capture counts before arrival at the same instant.
+            ahead = look_ahead(xp, game, sample.pursuer_m, sample.evader_m, sample.target_m)
+            now = xp.where(sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
+            if sample.target_m is not None:
+                now = xp.where(ahead.arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
+            now = xp.where(ahead.capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
+            now = xp.where(ahead.capture_s - ahead.capture_s == 0, now, int(End.NO_ANSWER))
+            h = duration_s - sample.time_s
+            share = SHARE[stepping.order]
+            for limit in (
+                share * ahead.capture_s,
+                share * ahead.arrival_s,
+                ahead.turn_s,
+                stepping.step_s,
+            ):
+                h = xp.where(limit < h, limit, h)
         else:
             order = 1
             h = stepping.step_s
@@ -215,23 +230,6 @@ def _samples(
         sample, observed = _advance(
             xp, game, sample, policies, xp.where(running, h, 0.0), observed, order
         )
-
-
-def _located(
-    xp: Library, game: Game, sample: Sample, stepping: Exact, duration_s: float
-) -> tuple[Array, Array]:
-    """Return the end of each game and its next step, s; capture counts before arrival at the same instant."""
-    ahead = look_ahead(xp, game, sample.pursuer_m, sample.evader_m, sample.target_m)
-    now = xp.where(sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
-    if sample.target_m is not None:
-        now = xp.where(ahead.arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
-    now = xp.where(ahead.capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
-    now = xp.where(ahead.capture_s - ahead.capture_s == 0, now, int(End.NO_ANSWER))
-    h = duration_s - sample.time_s
-    share = SHARE[stepping.order]
-    for limit in (share * ahead.capture_s, share * ahead.arrival_s, ahead.turn_s, stepping.step_s):
-        h = xp.where(limit < h, limit, h)
-    return now, h
 
 
 def _advance(

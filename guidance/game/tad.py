@@ -88,7 +88,14 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     distance = edge.distance
     if not game.target_extent.is_point:
         distance = distance - game.target_extent.radius_m
-    reason = _reason(xp, game, state, to_target, target_race)
+    # The kind of the answer, if the evader is not captured.
+    reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
+    if not is_zero(game.information_age_s):
+        unsure = (margin > 0) & (surely_convex(xp, game, state) == 0)
+        ends = (to_target, target_race.goal, target_race.edge.distance)
+        dented = is_missed(xp, game, state, ends, unsure)
+        reason = xp.select(dented, int(Reason.NO_REGION), reason)
+    reason = xp.select(target_race.arrival <= 0, int(Reason.ARRIVED), reason)
     return StateSolution(
         winner=xp.sign(margin),
         value=xp.select(won, distance, target_race.short),
@@ -145,20 +152,6 @@ def _attacking(xp: Library, game: Game, target_race: TargetRace, run: Plane, tim
     return pace * heading[0], pace * heading[1], 0.0
 
 
-def _reason(
-    xp: Library, game: Game, state: Geometry, to_target: Plane, target_race: TargetRace
-) -> Real:
-    """Return the kind of the answer, if the evader is not captured."""
-    margin = target_race.margin
-    reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
-    if not is_zero(game.information_age_s):
-        unsure = (margin > 0) & (surely_convex(xp, game, state) == 0)
-        edge = (to_target, target_race.goal, target_race.edge.distance)
-        dented = is_missed(xp, game, state, edge, unsure)
-        reason = xp.select(dented, int(Reason.NO_REGION), reason)
-    return xp.select(target_race.arrival <= 0, int(Reason.ARRIVED), reason)
-
-
 def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Plane:
     """Return the vector from E to the point of the target's set where the pursuer's margin is least."""
     extent = game.target_extent
@@ -169,7 +162,20 @@ def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) 
     if game.pursuer.separate or not is_zero(game.capture_radius_m):
         # Until the pursuer is at its height, or where it can capture now, only the evader's time counts.
         offset = to_set(xp, extent, rivals.evader)
-        first = _first_reached(xp, game, to_target, offset)
+        # The vector from E to the point of the target's set that it can reach first.
+        adrift = game.target_velocity_m_s
+        first = offset
+        if adrift != NO_WIND:
+            for _ in range(REACHED):
+                # The nearest point when this one is reached can be reached no later.
+                arrival, _ = _arrive(xp, game, first)
+                moved = plus2(to_target, arrival, adrift)
+                nearest_then = to_set(xp, game.target_extent, (-moved[0], -moved[1]))
+                near = plus2(nearest_then, -arrival, adrift)
+                sooner = _arrive(xp, game, near)[0] < arrival
+                first = xp.select2(sooner, near, first)
+                if not xp.any(sooner):
+                    break
         sooner = _margin(xp, game, state, first) < _margin(xp, game, state, point)
         point = xp.select2(sooner, first, point)
     inside = is_inside(xp, extent, rivals.evader)
@@ -180,32 +186,6 @@ def _margin(xp: Library, game: Game, state: Geometry, to_point: Plane) -> Real:
     """Return the pursuer's margin at a point of the target, given from the evader, s."""
     arrival, goal = _arrive(xp, game, to_point)
     return arrival - guard_time(xp, game, state, goal)
-
-
-def _first_reached(xp: Library, game: Game, to_target: Plane, offset: Plane) -> Plane:
-    """Return the vector from E to the point of the target's set that it can reach first.
-
-    Args:
-        xp: array library.
-        game: the game.
-        to_target: vector from the evader to the target's position now, m.
-        offset: vector to the point of the set that is nearest now, m.
-    """
-    adrift = game.target_velocity_m_s
-    if adrift == NO_WIND:
-        return offset
-    first = offset
-    for _ in range(REACHED):
-        # The nearest point when this one is reached can be reached no later.
-        arrival, _ = _arrive(xp, game, first)
-        moved = plus2(to_target, arrival, adrift)
-        nearest_then = to_set(xp, game.target_extent, (-moved[0], -moved[1]))
-        near = plus2(nearest_then, -arrival, adrift)
-        sooner = _arrive(xp, game, near)[0] < arrival
-        first = xp.select2(sooner, near, first)
-        if not xp.any(sooner):
-            break
-    return first
 
 
 def _compare(
@@ -228,7 +208,14 @@ def _compare(
     arrival, goal = _arrive(xp, game, to_target)
     guard = guard_time(xp, game, state, goal)
     margin = arrival - guard
-    short = _shortfall(xp, game, state, goal, arrival, margin < 0)
+    lost = margin < 0
+    y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
+    if not game.calm:
+        y = (y[0] - game.wind_m_s[0] * arrival, y[1] - game.wind_m_s[1] * arrival)
+    beside = xp.norm2(y) - game.standoff.radius_m
+    left = game.pursuer.shortfall(xp, game.capture_radius_m, beside, state.z, arrival)
+    level = xp.select(lost, xp.maximum(left.level, 0.0), 1.0)
+    short = xp.select(lost, xp.norm2((level, left.vertical)) - left.reach, 0.0)
     if paper is not None and circle is True:
         return TargetRace(goal, arrival, guard, margin, short, paper.edge)
     selected = margin > 0 if paper is None else (margin > 0) & ~circle
@@ -451,20 +438,3 @@ def _widened(xp: Library, game: Game, state: Geometry, to_target: Plane, level: 
     left = far - radius
     fallen = Closest(run, falling, abs(left))
     return xp.select_all(left < level.distance, fallen, level)
-
-
-def _shortfall(
-    xp: Library, game: Game, state: Geometry, goal: Plane, arrival: Real, lost: Truth
-) -> Real:
-    """Return the distance, m, that the pursuer is short of a capture at `goal` when the evader arrives there.
-
-    If the evader does not win, one metre is used instead: in libraries that differentiate, the derivative of a square
-    root at zero would make the gradient NaN.
-    """
-    y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
-    if not game.calm:
-        y = (y[0] - game.wind_m_s[0] * arrival, y[1] - game.wind_m_s[1] * arrival)
-    beside = xp.norm2(y) - game.standoff.radius_m
-    left = game.pursuer.shortfall(xp, game.capture_radius_m, beside, state.z, arrival)
-    level = xp.select(lost, xp.maximum(left.level, 0.0), 1.0)
-    return xp.select(lost, xp.norm2((level, left.vertical)) - left.reach, 0.0)

@@ -121,7 +121,7 @@ class PursuitVectorEnv(VectorEnv[FloatArray, FloatArray, Any]):
         """
         count = self.num_envs
         rows = np.arange(count)
-        mask = (options or {}).get("reset_mask")
+        mask = None if options is None else options.get("reset_mask")
         if mask is not None:
             if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (count,):
                 raise ConfigError(

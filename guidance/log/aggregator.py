@@ -131,7 +131,8 @@ class Aggregator:
                     local_frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl)
                 )
                 self._evader_m = evader_game_m if plays else self._evader_m
-                self.evaders_m[report.evader or ""] = evader_game_m
+                name = "" if report.evader is None else report.evader
+                self.evaders_m[name] = evader_game_m
         # Home, and a fence in degrees about it, move with the frame.
         home_ned_m = self._tracking.home_ned_m
         if home_ned_m is not None and frame is not None and local_frame is not None:

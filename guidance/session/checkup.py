@@ -349,7 +349,9 @@ def _urls(config: Config | None) -> Iterator[Finding]:
 
 
 def _control(control: Control) -> Finding:
-    path = control.token_file or token_path(control.endpoint)
+    path = control.token_file
+    if path is None:
+        path = token_path(control.endpoint)
     folder = next(part for part in (path, *path.parents) if part.exists())
     if not os.access(folder, os.W_OK):
         advice = f"the token goes to {path}: set control.token_file, or run as who owns {folder}"

@@ -90,7 +90,11 @@ class LiveWorld(world.World):
         if vehicle.udp_port is not None:
             return wires.share(opening.open_wire(vehicle.udp, clock=now_s), readers)
         return [
-            zenoh_wire.ZenohWire(now_s, zenoh_session.open_session(vehicle.zenoh or ""), name)
+            zenoh_wire.ZenohWire(
+                now_s,
+                zenoh_session.open_session("" if vehicle.zenoh is None else vehicle.zenoh),
+                name,
+            )
             for _ in range(readers)
         ]
 

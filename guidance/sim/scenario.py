@@ -339,7 +339,7 @@ class Scenario(AnyScenario):
     def as_flown(self) -> "Scenario":
         """Return the scenario whose game flights play: in still air, with the vehicle's speed set by default."""
         pursuer = self.pursuer
-        speed_set = pursuer.speed_set or FLOWN_SPEED_SET
+        speed_set = FLOWN_SPEED_SET if pursuer.speed_set is None else pursuer.speed_set
         return self.model_copy(
             update={"wind": Wind(), "pursuer": pursuer.model_copy(update={"speed_set": speed_set})}
         )

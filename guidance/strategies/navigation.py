@@ -77,8 +77,10 @@ def proportional_navigation(
         rate: Space | None,
     ) -> Space:
         state = take_apart(xp, game, P, E, evader_velocity)
-        before = last or (0.0, 0.0, 0.0)
-        turn = times3(dt_s, rate or _rate(xp, game, state, before, gain))
+        before = (0.0, 0.0, 0.0) if last is None else last
+        if rate is None:
+            rate = _rate(xp, game, state, before, gain)
+        turn = times3(dt_s, rate)
         if game.pursuer.separate:
             return _in_the_plane(xp, game, state, before, turn)
         return _in_space(xp, game, state, before, turn)

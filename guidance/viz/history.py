@@ -125,7 +125,9 @@ def history_of(path: Path) -> FlightHistory:
                 history.game.append(GameCycle(number, entry.now_s, entry.certificate))
             history.rows.append(entry)
             history.cycles.append(flight.cycle)
-            reported = {report.evader or "" for report in entry.inputs.reports}
+            reported = {
+                "" if report.evader is None else report.evader for report in entry.inputs.reports
+            }
             for name in reported & flight.evaders_m.keys():
                 track = history.evaders.setdefault(name, [])
                 track.append((entry.now_s, flight.evaders_m[name]))
@@ -447,7 +449,9 @@ def _roles(flight: FlightHistory) -> list[tuple[float, Role]]:
 def team_opening_words(team: TeamHistory) -> str:
     """Return the first paragraph: vehicles, promises and how many were kept, the least distance, alarms and replay."""
     flights = team.flights.values()
-    separation = team.first.settings.team or TeamSection()
+    separation = team.first.settings.team
+    if separation is None:
+        separation = TeamSection()
     promised = [name for name, promise in team.promised.items() if promise.value is not None]
     kept_count = sum("; kept" in team.verdict(name) for name in promised)
     lasted_s = max(flight.lasted_s for flight in flights)

@@ -80,22 +80,7 @@ def joined(games: TeamGames, shape: str) -> TeamGame:
     if isinstance(games, Game):
         return TeamGame(_playable(games), np.array(True))
     table = np.array(games, dtype=object)
-    first = _checked(games, table, shape)
-    rows = table.reshape(len(table), -1)
-    alike = [next(filter(None, column), first) for column in rows.T]
-    numbers_of_games = [
-        attrgetter(*DIFFERENT)(game or template)
-        for row in rows
-        for game, template in zip(row, alike, strict=True)
-    ]
-    numbers = mapped(lambda *every: np.array(every).reshape(table.shape), *numbers_of_games)
-    joined_game = replace(first, **dict(zip(DIFFERENT, numbers, strict=True)))
-    plays = np.array([game is not None for game in table.flat]).reshape(table.shape)
-    return TeamGame(_playable(simplified(joined_game)), plays)
-
-
-def _checked(games: TeamGames, table: Array, shape: str) -> Game:
-    """Return the first of the games of a team, if all of them can be played together."""
+    # All games of a team have to fit together.
     present_games = [game for game in table.flat if game is not None]
     nested = table.ndim == len(shape) // 3 and (table.ndim > 1 or len(present_games) == table.size)
     if not nested or not present_games or not all(isinstance(game, Game) for game in present_games):
@@ -109,7 +94,17 @@ def _checked(games: TeamGames, table: Array, shape: str) -> Game:
         raise ConfigError(
             f"game: the games of a team must have the same {same}, and single numbers"
         )
-    return first
+    rows = table.reshape(len(table), -1)
+    alike = [next(filter(None, column), first) for column in rows.T]
+    numbers_of_games = [
+        attrgetter(*DIFFERENT)(template if game is None else game)
+        for row in rows
+        for game, template in zip(row, alike, strict=True)
+    ]
+    numbers = mapped(lambda *every: np.array(every).reshape(table.shape), *numbers_of_games)
+    joined_game = replace(first, **dict(zip(DIFFERENT, numbers, strict=True)))
+    plays = np.array([game is not None for game in table.flat]).reshape(table.shape)
+    return TeamGame(_playable(simplified(joined_game)), plays)
 
 
 def _playable(game: Game) -> Game:

@@ -125,7 +125,27 @@ class CaptureProblem(NamedTuple):
 def sequence_captures(scene: CaptureProblem) -> CaptureSequences:
     """Return the sequences that capture the most evaders in time, if these run as foreseen."""
     if scene.plays.shape[-1] > MOST:
-        return _one_by_one(scene)
+        b, n, m = scene.plays.shape
+        rows = np.arange(b)
+        pairs_run_m_s = scene.foreseen.run_m_s[:, None]
+        soonest_s, _ = lead_and_place(
+            scene.game, scene.pursuers_m[:, :, None], scene.evaders_m[:, None], pairs_run_m_s
+        )
+        begins = np.full((b, n), -1)
+        captured = np.zeros(b, dtype=int)
+        # A promised evader is left to its pursuer
+        is_taken = (scene.holds[..., None] == np.arange(m)).any(axis=1)
+        for pursuer in range(n):
+            own = scene.holds[:, pursuer, None] == np.arange(m)
+            free = scene.plays[:, pursuer] & (~is_taken | own)
+            score_s = np.where(own, -1.0, np.where(free, soonest_s[:, pursuer], np.inf))
+            some = np.argsort(score_s, axis=-1, kind="stable")[:, :MOST]
+            best, first = _sequence_of_one(scene, pursuer, some, free)
+            begins[:, pursuer] = np.where(first < 0, -1, taken(some, first))
+            in_sequence = (best[:, None] >> np.arange(MOST)) & 1 > 0
+            is_taken[rows[:, None], some] |= in_sequence
+            captured += in_sequence.sum(axis=-1)
+        return CaptureSequences(begins, captured)
     return _packed(*_worth_of_sets(scene))
 
 
@@ -304,31 +324,6 @@ def _packed(worth: Array, first: Array) -> CaptureSequences:
         part = chosen[pursuer, rows, mask]
         begins[:, pursuer] = np.where(part > 0, first[rows, pursuer, part], -1)
         mask = mask ^ part
-    return CaptureSequences(begins, captured)
-
-
-def _one_by_one(scene: CaptureProblem) -> CaptureSequences:
-    """Return sequences that the pursuers choose one after the other, each among the evaders that it can reach first."""
-    b, n, m = scene.plays.shape
-    rows = np.arange(b)
-    pairs_run_m_s = scene.foreseen.run_m_s[:, None]
-    soonest_s, _ = lead_and_place(
-        scene.game, scene.pursuers_m[:, :, None], scene.evaders_m[:, None], pairs_run_m_s
-    )
-    begins = np.full((b, n), -1)
-    captured = np.zeros(b, dtype=int)
-    # A promised evader is left to its pursuer
-    is_taken = (scene.holds[..., None] == np.arange(m)).any(axis=1)
-    for pursuer in range(n):
-        own = scene.holds[:, pursuer, None] == np.arange(m)
-        free = scene.plays[:, pursuer] & (~is_taken | own)
-        score_s = np.where(own, -1.0, np.where(free, soonest_s[:, pursuer], np.inf))
-        some = np.argsort(score_s, axis=-1, kind="stable")[:, :MOST]
-        best, first = _sequence_of_one(scene, pursuer, some, free)
-        begins[:, pursuer] = np.where(first < 0, -1, taken(some, first))
-        in_sequence = (best[:, None] >> np.arange(MOST)) & 1 > 0
-        is_taken[rows[:, None], some] |= in_sequence
-        captured += in_sequence.sum(axis=-1)
     return CaptureSequences(begins, captured)
 
 

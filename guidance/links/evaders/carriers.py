@@ -269,9 +269,9 @@ def carrier_of(
     if kind == "adsb":
         return Carrier("ADSB_VEHICLE", partial(_adsb, _undulation_m(frame), icao_address))
     if kind == "open_drone_id":
-        zero = _zero(frame, datum or Datum.ELLIPSOID)
+        zero = _zero(frame, Datum.ELLIPSOID if datum is None else datum)
         return Carrier("OPEN_DRONE_ID_LOCATION", partial(_open_drone_id, zero, id_or_mac), _HOUR_S)
-    zero = _zero(frame, datum or Datum.AMSL)
+    zero = _zero(frame, Datum.AMSL if datum is None else datum)
     if kind == "follow_target":
         return Carrier("FOLLOW_TARGET", partial(_follow_target, zero))
     return Carrier("GLOBAL_POSITION_INT", partial(_global_position, zero))

@@ -226,7 +226,8 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, to: tuple[int, int]) 
         ValueError: If a value is not finite as a 32 bit float.
     """
     velocity, acceleration, yaw_rad = setpoint
-    numbers = (*velocity, *(acceleration or _ZERO), yaw_rad or 0.0)
+    fed = _ZERO if acceleration is None else acceleration
+    numbers = (*velocity, *fed, yaw_rad or 0.0)
     if not math.hypot(*numbers) <= FLOAT32_MAX:
         raise ValueError(f"{setpoint}: a setpoint must be finite; it was not sent")
     mask = (

@@ -175,7 +175,8 @@ class FrameReader:
                 if self._aligned:
                     break
                 # Perhaps no frame: what looks like its beginning was found among other bytes
-                suspect = suspect or _Suspect(position, self.garbage_bytes, self._unknown_left)
+                if suspect is None:
+                    suspect = _Suspect(position, self.garbage_bytes, self._unknown_left)
             elif length > 0:
                 frame = self._checked(bytes(buffer[position:end]))
             if frame is None:
@@ -365,7 +366,7 @@ class Station:
         """Start at sequence number 0. The clock is used for signing only."""
         self._wire = wire
         self._mavlink = common.MAVLink(None, system_id, component_id)
-        self._clock: Clock = clock or (lambda: 0.0)
+        self._clock: Clock = (lambda: 0.0) if clock is None else clock
         self._begun_s = self._clock()
         self.check: SignatureCheck | None = None
         """Of the signatures of others; None without a key."""

@@ -66,7 +66,9 @@ class TextJoiner:
             done = []
         else:
             done = self.close()
-        begun = self.open or messages.StatusText(received_s, message.severity, "")
+        begun = self.open
+        if begun is None:
+            begun = messages.StatusText(received_s, message.severity, "")
         lost = message.id and message.chunk_seq != (self._next_sequence if self.open else 0)
         self.open = begun._replace(text=f"{begun.text}{'…' if lost else ''}{message.text}")
         self._message_id = message.id

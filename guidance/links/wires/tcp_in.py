@@ -70,7 +70,7 @@ class TcpInWire(StreamWire):
         """
         name = f"tcp {host}:{port}"
         self._systems = systems
-        self._checks = checks or {}
+        self._checks = {} if checks is None else checks
         self._callers: list[_Caller] = []
         self._proven: _Caller | None = None
         try:

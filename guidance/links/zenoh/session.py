@@ -77,9 +77,11 @@ def open_session(
     """
     sending = {"queue": {"size": {"real_time": 16}}}  # room for bursts; sending never waits
     there = {"endpoints": [endpoint], "timeout_ms": round(timeout_s * 1e3), "exit_on_failure": True}
-    link = {"tx": sending, "tls": credentials.tls or {}}
+    tls = {} if credentials.tls is None else credentials.tls
+    auth = {} if credentials.auth is None else credentials.auth
+    link = {"tx": sending, "tls": tls}
     try:
-        return direct_session("client", {"connect": there}, link=link, auth=credentials.auth or {})
+        return direct_session("client", {"connect": there}, link=link, auth=auth)
     except zenoh.ZError as error:
         ask = _UNHEARD if credentials == NO_CREDENTIALS else _REFUSED
         raise LinkError(

@@ -154,22 +154,6 @@ class Daemon:
             self._link.request(request)
 
         self.recording.cycle(now_s, self.inputs, outputs, timing)
-        self._tell_news(now_s, outputs)
-        self._desk.answer(now_s, orders, queries, outputs)
-        self.survey.step(now_s, self.inputs, self._problems.values(), engaging=self._desk.reading)
-        changed = any(
-            transition.after is not transition.before for transition in outputs.transitions
-        )
-        counters = None
-        if now_s - self._shown_s >= _SHOWN_EVERY_S or changed:
-            self._shown_s = now_s
-            counters = self._counters(now_s)
-        self.recording.report(now_s, self.flight, outputs, timing, counters)
-        self.finished = self._desk.finished(now_s)
-        return outputs
-
-    def _tell_news(self, now_s: float, outputs: Outputs) -> None:
-        """Tell the mates about this cycle, and people what the mates told and what of evaders' reports is not used."""
         team = self.team
         if team is not None:
             team.tell(now_s, self.flight, outputs)
@@ -184,6 +168,18 @@ class Daemon:
             self.recording.say(logging.WARNING, words)
             self.recording.event(now_s, EVADER_NEWS, words)
         news.clear()
+        self._desk.answer(now_s, orders, queries, outputs)
+        self.survey.step(now_s, self.inputs, self._problems.values(), engaging=self._desk.reading)
+        changed = any(
+            transition.after is not transition.before for transition in outputs.transitions
+        )
+        counters = None
+        if now_s - self._shown_s >= _SHOWN_EVERY_S or changed:
+            self._shown_s = now_s
+            counters = self._counters(now_s)
+        self.recording.report(now_s, self.flight, outputs, timing, counters)
+        self.finished = self._desk.finished(now_s)
+        return outputs
 
     def survive(self, error: Exception, now_s: float) -> None:
         """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.

@@ -274,7 +274,9 @@ class VehicleMission:
         self._mission = mission
         self._policy = mission.policy
         world = mission.world
-        plan = mission.plans.get(vehicle) or plan_of(scenario=scenario)
+        plan = mission.plans.get(vehicle)
+        if plan is None:
+            plan = plan_of(scenario=scenario)
         self.result = FlightResult(scenario, plan.flight.cycle, State.CONNECTING)
         self.over = False
         self.engaged_s: float | None = None

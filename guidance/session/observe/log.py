@@ -40,7 +40,11 @@ class Log(logging.Handler, Sink):
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
         super().__init__()
         self._console = PrintableConsole(
-            file=stream or sys.stderr, markup=False, emoji=False, highlight=False, soft_wrap=True
+            file=sys.stderr if stream is None else stream,
+            markup=False,
+            emoji=False,
+            highlight=False,
+            soft_wrap=True,
         )
         self._live = form == "console"
         self._line_of = _console_line if self._live else _json_line
