@@ -272,8 +272,29 @@ class Painter:
         now_s = np.array([at_s for at_s, _ in pending])
         _, first = pending[0]
         for name in first:
+            # A number or a position of every cycle that has one; of a position also the line from the last one.
             values = np.array([drawn[name] for _, drawn in pending])
-            self._send(name, now_s, values)
+            numbers = values.reshape(len(values), -1)
+            is_finite = np.isfinite(numbers).all(axis=-1)
+            if not is_finite.any():
+                continue
+            run = values[is_finite]
+            times_s = now_s[is_finite]
+            is_track = values.ndim > 1
+            columns: Any
+            if is_track:
+                columns = rr.Points3D.columns(positions=run)
+            else:
+                columns = rr.Scalars.columns(scalars=run)
+            indexes = [rr.TimeColumn(TIMELINE, duration=times_s)]
+            path = entity_path(name, self._vehicle)
+            self._to.send_columns(path, indexes=indexes, columns=columns)
+            if is_track:
+                tail = self._tails.get(name, run[:1])
+                line = np.concatenate([tail, run])
+                self._tails[name] = run[-1:]
+                last_s = float(times_s[-1])
+                self._log(last_s, f"{name}/track", _line_strips([line], name, 1.0))
 
     def _guaranteed(self, now_s: float, certificate: Certificate | None) -> float:
         """Return V + t since engagement (PE, s), or L (TAD, m): what a perfect pursuer never loses."""
@@ -304,29 +325,6 @@ class Painter:
         meeting_m = certificate.meeting_point_game_m
         star = rr.Points3D([meeting_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]])
         self._log(now_s, MEETING, star)
-
-    def _send(self, name: str, now_s: FloatArray, values: FloatArray) -> None:
-        """Send a number or a position of every cycle that has one; of a position also the line from the last one."""
-        numbers = values.reshape(len(values), -1)
-        is_finite = np.isfinite(numbers).all(axis=-1)
-        if not is_finite.any():
-            return
-        run = values[is_finite]
-        times_s = now_s[is_finite]
-        is_track = values.ndim > 1
-        columns: Any
-        if is_track:
-            columns = rr.Points3D.columns(positions=run)
-        else:
-            columns = rr.Scalars.columns(scalars=run)
-        indexes = [rr.TimeColumn(TIMELINE, duration=times_s)]
-        self._to.send_columns(entity_path(name, self._vehicle), indexes=indexes, columns=columns)
-        if is_track:
-            tail = self._tails.get(name, run[:1])
-            line = np.concatenate([tail, run])
-            self._tails[name] = run[-1:]
-            last_s = float(times_s[-1])
-            self._log(last_s, f"{name}/track", _line_strips([line], name, 1.0))
 
     def _log(self, now_s: float | None, name: str, components: rr.AsComponents) -> None:
         """Log what is so from a time on, or always."""
