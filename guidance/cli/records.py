@@ -203,7 +203,7 @@ def replay(
     - `guidance replay record.mcap --with policy=pure_pursuit`: another policy on the same inputs
     - `guidance replay record.mcap --with pursuer.speed_m_s=4.0`: another speed
     """
-    changed = changes_of(changes or [])
+    changed = changes_of([] if changes is None else changes)
     comparison, survey = _compared(file, changed)
     for fault in survey.faults:
         typer.echo(f"the record is not whole: {printable(fault)}", err=True)

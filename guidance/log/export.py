@@ -397,7 +397,8 @@ def _rows(path: Path) -> Iterator[dict[str, Any]]:
         for kind, field, names, _ in columns:
             value = getattr(latest.get(kind), field, None)
             if len(names) > 1:
-                cells |= zip(names, value or (None,) * 3, strict=True)
+                parts = (None,) * 3 if value is None else value
+                cells |= zip(names, parts, strict=True)
             else:
                 cells[names[0]] = "; ".join(value) if isinstance(value, tuple) else value
         yield cells

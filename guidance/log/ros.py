@@ -444,7 +444,9 @@ def _of_certificate(certificate: Certificate | None) -> tuple[int, str, dict[str
     values = certificate._asdict()
     winner = Winner(certificate.winner)
     values["winner"] = winner.word
-    values["vehicle_winner"] = Winner(certificate.vehicle_winner or 0).word
+    values["vehicle_winner"] = Winner.UNDECIDED.word
+    if certificate.vehicle_winner is not None:
+        values["vehicle_winner"] = Winner(certificate.vehicle_winner).word
     if certificate.reason is not None:
         values["reason"] = Reason(certificate.reason).word
     if certificate.no_game:

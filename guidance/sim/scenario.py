@@ -305,8 +305,8 @@ class AnyScenario(Section):
             if isinstance(section, tuple):
                 named = {f"{player}[{number}]": group for number, group in enumerate(section)}
             else:
-                named = {}
-            for key, group in (named or {player: section}).items():
+                named = {player: section}
+            for key, group in named.items():
                 if group.policy not in allowed and not (may_be_own and is_own(group.policy)):
                     own_words = (
                         ", and your own: module:function or file.py:function" if may_be_own else ""

@@ -121,7 +121,9 @@ class Member:
         if self.board.roles is not None:
             assigned = self.board.roles.roles
         own_role = next((role for role in assigned if role.vehicle == self.vehicle), None)
-        before = flight.observed.role or self._first
+        before = flight.observed.role
+        if before is None:
+            before = self._first
         role = before if own_role is None else Role(own_role.evader, own_role.above_m)
         if role == flight.observed.role:
             new_role = None
@@ -157,7 +159,9 @@ class Member:
     def assignment(self, flight: Flight) -> dict[str, Any]:
         """Return its role, the coordinator, all promises and the evaders out of play, for displays."""
         roles = self.board.roles
-        role = flight.observed.role or self._first
+        role = flight.observed.role
+        if role is None:
+            role = self._first
         unit = "s" if flight.settings.cycle.target_game_m is None else "m"
         if roles is None:
             promises = []
