@@ -134,7 +134,7 @@ TESTS: Mapping[str, Sequence[str]] = {
     "guidance/session/orders/control_bus.py": ("tests/session/test_control_bus_queries.py",),
     "guidance/session/orders/control_client.py": ("tests/session/test_control_client.py",),
     "guidance/session/orders/control_socket.py": SOCKET,
-    "guidance/session/orders/control_token.py": ("tests/session/test_control_token.py",),
+    "guidance/session/orders/control_token.py": ("tests/session/test_control_token.py", *SOCKET),
     "guidance/session/orders/mailbox.py": ("tests/session/test_orders.py",),
     "guidance/session/orders/replies.py": ("tests/session/test_replies.py",),
     "guidance/session/orders/socket_client.py": SOCKET,
