@@ -96,6 +96,13 @@ def test_the_status_of_a_game_has_these_fields():
     assert refused["start"] == f"under way already: {refused['engage']}"
 
 
+def test_a_second_source_is_told_as_it_is_now(monkeypatch):
+    flown = Flown().standing_by()
+    monkeypatch.setattr(flown.flight.tracking, "rival", {flown.now_s: "place"}.get)
+    told = status(flown.flight, flown.outputs, (), (), flown.now_s)
+    assert told["evader_second_source"] == "place"
+
+
 def test_the_numbers_of_a_status_are_rounded_and_a_height_of_nothing_has_no_sign():
     flown = Flown().standing_by()
     flown.position = [1.23456, -2.34567, HOME_DOWN_M + 0.00456]
@@ -231,11 +238,13 @@ def test_before_the_start_each_refusal_says_what_is_missing():
     assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
     for order in (Event.HOLD, Event.RETURN, Event.LAND):
         assert "not armed" in answer(order, flown)
-    words = answer(Event.START, flown, REFUSED)
-    assert words.startswith("not ready: ")
-    assert "GF_ACTION" in words
+    for order in (Event.START, Event.ENGAGE):
+        words = answer(order, flown, REFUSED)
+        assert words.startswith("not ready: ")
+        assert "GF_ACTION" in words
     flown.cycle()
     assert flown.state is State.READY
+    assert answer(Event.START, flown).startswith("not ready: the checks have just passed")
     assert answer(Event.ENGAGE, flown) == "on the ground: order start first"
     flown.armed = True
     flown.landed = 2
@@ -248,6 +257,7 @@ def test_before_the_start_each_refusal_says_what_is_missing():
     flown.landed = 1
     flown.cycle(beat=True)
     assert answer(Event.START, flown).startswith("somebody else armed it, in OFFBOARD")
+    assert shown_state(flown.flight) == "ready"
     flown.armed = False
     flown.cycle(beat=True)
     assert shown_state(flown.flight) == "ready"
