@@ -103,6 +103,13 @@ def test_a_second_source_is_told_as_it_is_now(monkeypatch):
     assert told["evader_second_source"] == "place"
 
 
+def test_what_bars_the_vehicle_is_foreseen_in_the_status():
+    flown = Flown().standing_by()
+    for barred in ((), ("GF_ACTION",)):
+        told = status(flown.flight, flown.outputs, (REFUSED,), barred, flown.now_s)
+        assert bool(told["refused_orders"]["engage"]) is bool(barred)
+
+
 def test_the_numbers_of_a_status_are_rounded_and_a_height_of_nothing_has_no_sign():
     flown = Flown().standing_by()
     flown.position = [1.23456, -2.34567, HOME_DOWN_M + 0.00456]
@@ -117,6 +124,10 @@ def test_the_numbers_of_a_status_are_rounded_and_a_height_of_nothing_has_no_sign
     flown.position[2] = HOME_DOWN_M + 0.04
     flown.cycle()
     assert "  0.0 m up, 0.3 m/s  " in flight_line(flown.flight, flown.outputs, flown.now_s)
+    flown.position[2] = HOME_DOWN_M - 10.256
+    flown.cycle()
+    assert "  10.3 m up, 0.3 m/s  " in flight_line(flown.flight, flown.outputs, flown.now_s)
+    assert status(flown.flight, flown.outputs, (), (), flown.now_s)["height_m"] == 10.26
 
 
 def test_the_height_before_a_home_is_known_is_that_of_the_local_frame():
