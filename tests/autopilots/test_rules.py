@@ -106,10 +106,15 @@ def test_a_return_stays_below_our_ceiling_and_the_fence_and_an_unknown_fence_ref
     quantities = {} if fence_m is None else {Quantity.FENCE_HEIGHT: fence_m}
     judgement = return_height("FENCE", "the return")(height_m, WANTS, quantities)
     assert (judgement.verdict, judgement.set_to) == (verdict, set_to)
+    wanted = "at most limits.ceiling_m = 60 m"
+    if fence_m is None:
+        wanted = "below FENCE, which is unknown"
+    elif 0.0 < fence_m <= 60.0:
+        wanted = f"below FENCE = {fence_m:g} m"
+    assert judgement.wanted == wanted
     if verdict is Verdict.REFUSE and fence_m is not None:
         assert judgement.why == "the return would climb above our ceiling"
     if verdict is Verdict.WARN:
-        assert judgement.wanted == f"below FENCE = {fence_m:g} m"
         assert judgement.why == "the return would climb through the fence"
 
 

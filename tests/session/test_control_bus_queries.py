@@ -30,8 +30,9 @@ ENDPOINT = "tcp/127.0.0.1:7448"
 class Session:
     """A Zenoh session that keeps what is declared, and in which order everything is closed."""
 
-    def __init__(self, owners=()):
+    def __init__(self, owners=(), gone=False):
         self.owners = owners
+        self.gone = gone
         self.declared = {}
         self.closed = []
         self.looked = None
@@ -39,15 +40,17 @@ class Session:
     def zid(self):
         return "7e"
 
-    def close(self):
-        self.closed.append("session")
+    def close(self, what="session"):
+        self.closed.append(what)
+        if self.gone:
+            raise zenoh.ZError("the router is gone")
 
     def liveliness(self):
         return self
 
     def declare_token(self, key):
         self.declared[key] = "token"
-        return SimpleNamespace(undeclare=lambda: self.closed.append("token"))
+        return SimpleNamespace(undeclare=lambda: self.close("token"))
 
     def get(self, key, *, timeout):
         assert "token" in self.declared.values()  # claimed first
@@ -58,7 +61,7 @@ class Session:
 
     def declare_queryable(self, key, heard):
         self.declared[key] = heard
-        return SimpleNamespace(undeclare=lambda: self.closed.append("queryable"))
+        return SimpleNamespace(undeclare=lambda: self.close("queryable"))
 
 
 class Payload(bytes):
@@ -158,6 +161,7 @@ def test_an_order_to_another_team_and_one_that_is_too_large_are_dropped_unanswer
         ours = heard(played, Query("hold", team="north"))
         theirs = heard(played, Query("hold", team="south"))
         assert played.mailbox.oversized == 0
+        heard(played, Query("status", payload=bytes(100_000)))
         large = heard(played, Query("hold", payload=bytes(100_000)))
     assert [answer for _, answer in ours.replies] == [
         {
@@ -170,7 +174,7 @@ def test_an_order_to_another_team_and_one_that_is_too_large_are_dropped_unanswer
     ]
     assert (theirs.replies, theirs.dropped) == ([], True)
     assert (large.replies, large.dropped) == ([], True)
-    assert played.mailbox.oversized == 1
+    assert played.mailbox.oversized == 2
     assert len(played.said) == 1
 
 
@@ -188,6 +192,19 @@ def test_a_daemon_that_joins_claims_its_vehicle_and_closes_everything_in_the_end
         assert played.session.looked == ("guidance/uav1/owner/*", 1.0)
         assert played.session.closed == []
     assert played.session.closed == ["queryable", "token", "session"]
+
+
+@pytest.mark.parametrize("host", [False, True])
+def test_a_session_whose_router_is_gone_ends_without_an_error(
+    played, sockets, monkeypatch, tmp_path, host
+):
+    played.session.gone = True
+    monkeypatch.setattr(bus_module, "host_session", lambda *_: played.session)
+    control = Control(endpoint=ENDPOINT, host=host, token_file=tmp_path / "uav1.token")
+    with control_bus("uav1", played.mailbox, control, NO_CREDENTIALS, "", ()):
+        pass
+    assert played.session.closed == ["queryable", "token", "session"]
+    assert all(made.closed for made in sockets)
 
 
 def test_a_vehicle_with_another_owner_is_given_up_at_once():
@@ -232,7 +249,7 @@ def test_a_daemon_that_listens_publishes_its_token_and_a_socket_while_it_does(
         return played.session
 
     monkeypatch.setattr(bus_module, "host_session", host)
-    monkeypatch.setattr(bus_module, "token_path", {ENDPOINT: path}.get)
+    monkeypatch.setattr(bus_module, "token_path", {ENDPOINT: path if usual else None}.get)
     control = Control(endpoint=ENDPOINT, host=True, token_file=None if usual else path)
     with control_bus("uav1", played.mailbox, control, NO_CREDENTIALS, "", ()):
         ((endpoint, drawn),) = hosted
