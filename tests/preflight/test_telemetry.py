@@ -191,10 +191,10 @@ def test_a_parameter_that_the_autopilot_announces_as_changed_is_taken_over():
 
 def test_the_evaders_last_report_is_kept_until_it_is_old():
     survey = memory()
-    report = evader_at(491.0)
+    report = evader_at(491.0)._replace(received_s=8.0)
     survey.observe([], [evader_at(490.0), report])
-    assert survey.facts(VehicleState(), EVADER_HEARD_S).evader is report
-    assert survey.facts(VehicleState(), EVADER_HEARD_S + 0.1).evader is None
+    assert survey.facts(VehicleState(), 8.0 + EVADER_HEARD_S).evader is report
+    assert survey.facts(VehicleState(), 8.1 + EVADER_HEARD_S).evader is None
 
 
 FARTHEST_M = 200.0 + 3.0 + 2.0 * 200.0 * 3.0 / 6.0
