@@ -96,6 +96,9 @@ _BESIDE: Final = (
 )
 """Messages from the MAVLink link beside this one; all others come over Zenoh."""
 
+_BESIDE_EVERY_S: Final = 0.1
+"""None of these is needed sooner."""
+
 _OF_BESIDE: Final = frozenset({"used_unsaved", "impostors", "unsigned", "refused"})
 """Counters of the MAVLink link beside this one that are shown to people."""
 
@@ -191,6 +194,7 @@ class Px4Link:
         self._kept: dict[str, zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]] = {}
         self._fetched_s = dict.fromkeys(_LEAST_APART_S, -math.inf)
         self._looked_s = -math.inf
+        self._beside_s = -math.inf
         self._keys = {
             topic: TYPES[name].key(domain_id, f"fmu/out/{topic}")
             for topic, name in FROM_PX4.items()
@@ -331,7 +335,8 @@ class Px4Link:
                 continue
             self.counts["received"] += 1
             received += made
-        if self._beside is not None:
+        if self._beside is not None and now_s - self._beside_s >= _BESIDE_EVERY_S:
+            self._beside_s = now_s
             for one in self._beside.receive():
                 if isinstance(one, messages.Home):
                     self._telemetry.hear_home(one)

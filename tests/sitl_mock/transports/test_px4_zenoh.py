@@ -7,6 +7,7 @@ import select
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -65,6 +66,7 @@ class TestEndpoint:
 
     def test_it_waits_for_a_router_and_then_carries_both_ways(self, endpoint, address):
         payload = message_type("ModeCompleted").encoded(timestamp=1234, nav_state=23)
+        threads = set(threading.enumerate())
         endpoint.send("uav1", LINK, [frame_of("mode_completed", payload)])
         assert endpoint.dropped == 1
         with zenoh.open(configuration("router", address, connect=False)) as router:
@@ -85,6 +87,8 @@ class TestEndpoint:
                 Arrival("uav1", LINK, frame_of("mode_completed", payload[:14]))
             ]
             heard.undeclare()
+            # A daemon thread that returned from Zenoh while the interpreter ends would abort it
+            assert set(threading.enumerate()) <= threads
 
     def test_what_is_no_topic_and_what_is_of_another_link_is_not_sent(self, endpoint):
         endpoint.send("uav1", "onboard", [b"a frame"])
