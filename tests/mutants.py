@@ -137,7 +137,7 @@ TESTS: Mapping[str, Sequence[str]] = {
     "guidance/session/orders/control_token.py": ("tests/session/test_control_token.py", *SOCKET),
     "guidance/session/orders/mailbox.py": ("tests/session/test_orders.py",),
     "guidance/session/orders/replies.py": ("tests/session/test_replies.py",),
-    "guidance/session/orders/socket_client.py": SOCKET,
+    "guidance/session/orders/socket_client.py": ("tests/session/test_socket_client.py",),
     "guidance/session/orders/words.py": (
         "tests/session/test_orders.py",
         "tests/session/test_control_socket.py",

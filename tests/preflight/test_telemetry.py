@@ -24,7 +24,7 @@ from guidance.messages import (
     ParameterRequest,
     PositionTarget,
 )
-from guidance.preflight import ASK_AGAIN_S, EVADER_HEARD_S, Facts, PreflightMemory, rows
+from guidance.preflight import ASK_AGAIN_S, Facts, PreflightMemory, rows
 from guidance.preflight.fence import Uploaded
 from guidance.vehicle import VehicleState, observe
 from tests.preflight.wants import wants_of
@@ -193,8 +193,8 @@ def test_the_evaders_last_report_is_kept_until_it_is_old():
     survey = memory()
     report = evader_at(491.0)._replace(received_s=8.0)
     survey.observe([], [evader_at(490.0), report])
-    assert survey.facts(VehicleState(), 8.0 + EVADER_HEARD_S).evader is report
-    assert survey.facts(VehicleState(), 8.1 + EVADER_HEARD_S).evader is None
+    assert survey.facts(VehicleState(), 13.0).evader is report
+    assert survey.facts(VehicleState(), 13.1).evader is None
 
 
 FARTHEST_M = 200.0 + 3.0 + 2.0 * 200.0 * 3.0 / 6.0
