@@ -108,6 +108,8 @@ def test_an_answer_has_the_name_of_its_daemon_or_the_one_that_was_asked(
 def test_the_token_of_an_endpoint_is_read_in_its_usual_place(daemon, monkeypatch):
     monkeypatch.setattr(socket_client, "token_path", {ENDPOINT: daemon.path}.get)
     assert ask_here("hold", endpoint=ENDPOINT, name=None)["accepted"]
+    daemon.answer = {"answers": {}}
+    assert ask_team_here("hold", "north", (), endpoint=ENDPOINT) == []
 
 
 def test_an_order_to_a_team_is_sent_whole_and_each_answer_is_read(daemon):
