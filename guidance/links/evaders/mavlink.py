@@ -32,8 +32,8 @@ since an autopilot may begin its interval again with each request."""
 _TIMESYNC_EVERY_S: Final = 1.0
 """The evader's clock is only compared with ours, so a growing delay need not be noticed within a second."""
 
-_TOLD_AFTER_S: Final = 3.0
-"""Reports of other systems, and none of the evader, for so long are told."""
+_TOLD_AFTER_S: Final = 1.5
+"""Other systems that are heard for so long, and no report of the evader, are told."""
 
 _MOST_OTHERS: Final = 8
 
@@ -69,7 +69,7 @@ class MavlinkEvader:
         names = [self.carrier.message, "TIMESYNC"]
         our_system_id = self.system_id
         if self.request_rate_hz is not None:
-            names.append("COMMAND_ACK")
+            names += ["COMMAND_ACK", "HEARTBEAT"]
             our_system_id = GROUND_STATION_ID
         self._frames = FrameReader(names)
         self._station = Station(
@@ -105,7 +105,9 @@ class MavlinkEvader:
         for received_s, data in self.wire.receive():
             self._heard_s = received_s
             for frame in self._frames.read(data):
-                if self._is_meant(frame):
+                if frame.name == "HEARTBEAT":
+                    self._note_beat(frame, received_s)
+                elif self._is_meant(frame):
                     reports += self._read(frame, received_s)
                 elif not self._counts["reports"] and frame.name == self.carrier.message:
                     self._note_other(frame, received_s)
@@ -153,6 +155,14 @@ class MavlinkEvader:
             self._counts[problem] += 1
         return problem is None
 
+    def _note_beat(self, frame: Frame, received_s: float) -> None:
+        """Remember who is there instead of an evader that has to be asked: others report to nobody."""
+        if frame.system_id != self.system_id:
+            self._note_other(frame, received_s)
+            return
+        self._others.clear()
+        self._others_since_s = None
+
     def _note_other(self, frame: Frame, received_s: float) -> None:
         """Remember who reports instead of the evader."""
         if frame.system_id == self.system_id and self.component_id in {None, frame.component_id}:
@@ -163,7 +173,7 @@ class MavlinkEvader:
             self._others[frame.system_id, frame.component_id] = None
 
     def problem(self) -> str:
-        """Name the systems that report instead of the evader, if it never did."""
+        """Name the systems that are heard instead of the evader, if it never reported."""
         since_s = self._others_since_s
         if self._counts["reports"] or since_s is None or self._heard_s - since_s < _TOLD_AFTER_S:
             return ""
@@ -175,7 +185,7 @@ class MavlinkEvader:
             for system_id, component_id in sorted(self._others)
         )
         return (
-            f"{self.carrier.message} of {wanted} is not heard, but of {heard}: see evader.system_id"
+            f"{self.carrier.message} of {wanted} is not heard. Heard: {heard}; see evader.system_id"
         )
 
     def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:

@@ -125,7 +125,7 @@ def test_the_systems_that_report_instead_of_the_evader_are_named_until_it_does()
         world.report(follow(), system_id=1, component_id=195)
         world.now_s += 0.5
     assert world.source.problem() == (
-        "FOLLOW_TARGET of system 3 is not heard, but of system 1, component 195, system 9, component 1: "
+        "FOLLOW_TARGET of system 3 is not heard. Heard: system 1, component 195, system 9, component 1; "
         "see evader.system_id"
     )
     Peer(world.peer.send, system_id=3).say(follow())
@@ -138,7 +138,7 @@ def test_a_wrong_component_is_named_and_a_silent_evader_is_no_wrong_one():
     for _ in range(8):
         world.report(follow())
         world.now_s += 0.5
-    assert "system 9, component 191 is not heard, but of system 9, component 1" in (
+    assert "system 9, component 191 is not heard. Heard: system 9, component 1;" in (
         world.source.problem()
     )
     heard = World(FOLLOW_TARGET)

@@ -12,14 +12,14 @@ from tests.links.peer import Peer
 class Rover:
     """A rover that sends only HEARTBEAT until reports are requested, and the source that requests them."""
 
-    def __init__(self):
+    def __init__(self, asked_system_id=2):
         self.clock = VirtualClock()
         home = Home(47.397742, 8.545594, 488.0)
         self.vehicle = MockVehicle("rover", system_id=2, home=home, noise=False, ready_after_s=0.5)
         ours, self._end = MemoryWire.pair(self.clock.now_s)
         clock = self.clock.now_s
         self.evader = MavlinkEvader(
-            ours, GLOBAL_POSITION, system_id=2, clock=clock, request_rate_hz=20.0
+            ours, GLOBAL_POSITION, system_id=asked_system_id, clock=clock, request_rate_hz=20.0
         )
         self.silent = False
 
@@ -44,6 +44,28 @@ def test_an_evader_that_is_asked_reports_at_the_rate_it_was_asked_for():
     rover.run(10.0)
     # While it reports, nothing is asked again
     assert rover.evader.counters()["requests_sent"] == asked
+
+
+def test_if_the_wrong_system_is_asked_the_one_that_is_there_is_named():
+    """Catches a wrong evader.system_id of an evader that reports only when it is asked."""
+    rover = Rover(asked_system_id=3)
+    rover.run(6.0)
+    assert "Heard: system 2, component 1; see evader.system_id" in rover.evader.problem()
+    assert rover.evader.counters()["foreign"] == 0
+
+
+def test_an_evader_that_is_there_and_does_not_report_is_no_wrong_one():
+    evader = Slow(20.0, reports=False)
+    other = Peer(evader.peer.send, system_id=7)
+    for _ in range(6):
+        evader.peer.say(heartbeat())
+        other.say(heartbeat())
+        evader.run(1.0)
+    assert evader.evader.problem() == ""
+
+
+def heartbeat():
+    return dialect.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3)
 
 
 def test_an_evader_that_fell_silent_is_asked_again_until_it_is_back():
