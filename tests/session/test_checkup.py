@@ -24,6 +24,7 @@ from sitl_mock import MockVehicle
 from sitl_mock.child import running
 from sitl_mock.faults import Faulted
 from tests.harness.command import guidance
+from tests.links.peer import Peer
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
 
@@ -36,7 +37,7 @@ class World(VirtualClock):
         self.vehicle = MockVehicle(flown or autopilot, ready_after_s=1.0)
         self.faulted = Faulted(self.vehicle, "uav1")
         ours, self._end = MemoryWire.pair(self.now_s)
-        silence, _ = MemoryWire.pair(self.now_s)
+        evaders_wire, self.evader_end = MemoryWire.pair(self.now_s)
         self.link = PymavlinkLink(ours, self.now_s, system_id=1)
         document = vehicle_document(
             vehicle={"autopilot": autopilot, "url": "udpin://127.0.0.1:14540"}
@@ -44,12 +45,17 @@ class World(VirtualClock):
         plan = plan_of(parse_document(Config, document, source="test"))
         self.autopilot = autopilot_named(autopilot)
         self.said = []
-        evader = MavlinkEvader(silence, GLOBAL_POSITION, system_id=2)
+        self.other = None
+        evader = MavlinkEvader(
+            evaders_wire, GLOBAL_POSITION, system_id=2, clock=self.now_s, request_rate_hz=5.0
+        )
         world = worlds.World({"uav1": self.link}, {"uav1": {"evader": evader}})
         self.checkup = Checkup("uav1", plan, world, self, **how)
 
     def sleep_until(self, moment_s):
         while self.now_s() < moment_s - 1e-9:
+            if self.other is not None and self.now_s() % 1.0 < 0.02:
+                self.other.say(mavlink.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3))
             super().sleep_until(min(moment_s, self.now_s() + 0.02))
             heard = [frame for _, frame in self._end.receive()]
             self.said += [
@@ -130,6 +136,13 @@ def test_what_is_waited_for_is_told(world):
     assert "HOME_POSITION" in told[0]
     assert "parameters" in told[0]
     assert told[-1] == ""
+
+
+def test_the_system_that_is_there_instead_of_a_silent_evader_is_named(world):
+    there = world()
+    there.other = Peer(there.evader_end.send, system_id=7)
+    sources = [row.value for row in there.checkup.rows() if row.name == "evader's source"]
+    assert ["Heard: system 7, component 1" in value for value in sources] == [True]
 
 
 def test_an_evader_that_the_flight_will_simulate_is_not_missed(vehicle_document):
