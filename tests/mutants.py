@@ -133,7 +133,11 @@ TESTS: Mapping[str, Sequence[str]] = {
     "guidance/session/orders/answers.py": ANSWERS,
     "guidance/session/orders/control_bus.py": ("tests/session/test_control_bus_queries.py",),
     "guidance/session/orders/control_client.py": ("tests/session/test_control_client.py",),
-    "guidance/session/orders/control_socket.py": SOCKET,
+    "guidance/session/orders/control_socket.py": (
+        "tests/session/test_control_exchange.py",
+        "tests/test_pipes.py::test_a_moment_without_a_thread_ends_no_order_socket",
+        *SOCKET,
+    ),
     "guidance/session/orders/control_token.py": ("tests/session/test_control_token.py", *SOCKET),
     "guidance/session/orders/mailbox.py": ("tests/session/test_orders.py",),
     "guidance/session/orders/replies.py": ("tests/session/test_replies.py",),

@@ -216,11 +216,20 @@ def test_orders_are_taken_again_after_a_moment_without_a_free_descriptor(loop, t
                 raise refusal
             return super().accept()
 
+    waits_s = []
+
+    class Closed(threading.Event):
+        def wait(self, timeout=None):
+            waits_s.append(timeout)
+            return super().wait(timeout)
+
     with monkeypatch.context() as patched:
         patched.setattr(socket, "socket", Listener)
+        patched.setattr(threading, "Event", Closed)
         made = ControlSocket("uav1", loop.mailbox.answer, token)
     assert asked("hold", token)["accepted"]
     made.close()
+    assert [wait_s for wait_s in waits_s if wait_s is not None][:3] == [0.05] * 3
 
 
 @pytest.mark.parametrize("words", [("hold", "--name", "uav1"), ("status", "--json")])

@@ -91,7 +91,7 @@ class ControlSocket:
         self._path = socket_path(token.path)
         self._free = threading.BoundedSemaphore(_MOST_AT_ONCE)
         self._closed = threading.Event()
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener = socket.socket(socket.AF_UNIX)
         try:
             # Of a daemon that was killed: the endpoint is ours by now
             self._path.unlink(missing_ok=True)
