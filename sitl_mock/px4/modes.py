@@ -209,6 +209,9 @@ MODES: Final = ModeTable(
         "An unknown mode and TERMINATION are ACCEPTED twice and change nothing; an unknown sub-mode of AUTO is "
         "TEMPORARILY_REJECTED.",
         "MISSION_START arms. If the first position of a mission is higher, the vehicle climbs to its height first.",
+        "TAKEOFF ends `NAV_MC_ALT_RAD` below its height. Up to `MPC_LAND_ALT1` it climbs at `MPC_TKO_SPEED`, and "
+        "its trajectory is never ahead of the vehicle: ordered to land, it rises about a metre more, as "
+        "measured on the real one.",
         "Armed on the ground, every command to climb takes off: a stream, DO_REPOSITION, the throttle stick.",
         "HOLD interrupts LAND and RTL in the air. HOLD before the touchdown is detected (2.8 s) keeps it armed "
         "and hovering at the height of the ground.",

@@ -19,7 +19,7 @@ from guidance.session.orders.control_bus import (
     owner_token,
 )
 from guidance.session.orders.control_client import order_team
-from guidance.session.orders.control_token import read_token, socket_path
+from guidance.session.orders.control_token import ControlToken, read_token, socket_path
 from guidance.session.orders.mailbox import MOST_ORDERS, MOST_QUERIES, Mailbox
 from guidance.session.orders.words import TEAM_ANSWER_LIMIT_S
 from guidance.session.orders_section import Control
@@ -273,7 +273,7 @@ def test_an_endpoint_is_listened_at_by_a_router_for_those_who_know_the_token(mon
         return "session"
 
     monkeypatch.setattr(bus_module, "direct_session", direct)
-    token = bus_module.ControlToken(Path("/run/a.token"), "ab" * 32)
+    token = ControlToken(Path("/run/a.token"), "ab" * 32)
     assert host_session(ENDPOINT, token) == "session"
     listening = {"endpoints": [ENDPOINT], "timeout_ms": 0, "exit_on_failure": True}
     auth = {
@@ -304,7 +304,7 @@ def test_an_endpoint_that_is_taken_is_named_with_who_has_it(monkeypatch, answer,
 
     monkeypatch.setattr(bus_module, "direct_session", direct)
     monkeypatch.setattr(bus_module, "ask_here", ask)
-    token = bus_module.ControlToken(Path("/run/a.token"), "ab" * 32)
+    token = ControlToken(Path("/run/a.token"), "ab" * 32)
     with pytest.raises(LinkError, match=f"control.endpoint = '{ENDPOINT}': cannot .*{words}"):
         host_session(ENDPOINT, token)
     assert asked == [(("status",), {"endpoint": ENDPOINT, "name": None})]

@@ -199,8 +199,8 @@ def test_one_answer_of_each_vehicle_that_was_asked_is_read_and_a_bad_one_is_its_
     class Chatty(Bus):
         """It repeats every answer, and others answer too."""
 
-        def get(self, key, **options):
-            replied = super().get(key, **options)
+        def get(self, key, *handlers, timeout, target=None, payload=None):
+            replied = super().get(key, *handlers, timeout=timeout, target=target, payload=payload)
             return [
                 *replied,
                 *replied,

@@ -52,7 +52,7 @@ def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
         "waited_s": 2.5,
         "connect_timeout_s": 30.0,
     }
-    engage = mailbox.ask("engage").result(0.0)
+    engage = dict(mailbox.ask("engage").result(0.0))
     reason = engage.pop("reason")
     assert reason == "waiting for a HEARTBEAT of system 1 at udp://, 2.5 s so far"
     assert engage == {**status, "order": "engage", "accepted": False}
@@ -68,7 +68,7 @@ def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
 def test_a_loop_that_hangs_is_not_buried_in_orders():
     mailbox = Mailbox()
     kept = [mailbox.ask("hold") for _ in range(MOST_ORDERS)]
-    answer = mailbox.ask("hold").result(0.0)
+    answer = dict(mailbox.ask("hold").result(0.0))
     assert "does the loop run?" in answer.pop("reason")
     assert answer == {"accepted": False, "order": "hold"}
     assert mailbox.take() == (kept, [])

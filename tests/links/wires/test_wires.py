@@ -291,7 +291,7 @@ def test_a_udp_reader_rests_only_after_it_has_read_everything(monkeypatch):
         return Asleep(read, name=name)
 
     monkeypatch.setattr(udp, "Reader", asleep)
-    monkeypatch.setattr(udp.time, "sleep", rests.append)
+    monkeypatch.setattr("guidance.links.wires.udp.time.sleep", rests.append)
     wire = UdpWire(clock, "127.0.0.1", 0, AddressPins({1}), rest_s=0.1)
     with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         for data in map(numbered, range(20)):
