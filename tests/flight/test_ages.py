@@ -65,4 +65,5 @@ def test_every_message_that_a_check_needs_is_in_the_table_of_ages():
         "SYS_STATUS",
     } <= names
     assert len(NEEDED) == 6
+    assert all(needed.advice for needed in NEEDED.values())
     assert all(all(cells) for cells in AGES)
