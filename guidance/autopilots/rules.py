@@ -87,11 +87,11 @@ class Wants(NamedTuple):
     limits: Limits
     game_speeds: Speeds
     limit_speeds: Speeds
-    battery_needed: float | None = None
-    evader_height_limit_m: float = 30.0
-    announces: bool = False
-    evader_speed_m_s: float = 0.0
-    standoff_radius_m: float = 0.0
+    battery_needed: float | None
+    evader_height_limit_m: float
+    announces: bool
+    evader_speed_m_s: float
+    standoff_radius_m: float
 
 
 class Quantity(StrEnum):

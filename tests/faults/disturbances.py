@@ -149,6 +149,9 @@ def wants_of(scenario: Scenario, planned: FlightPlan) -> Wants:
         planned.flight.limits,
         scenario.pursuer.speeds,
         scenario.speed_limits,
+        battery_needed=None,
+        evader_height_limit_m=30.0,
+        announces=False,
         evader_speed_m_s=scenario.evader.speed_m_s,
         standoff_radius_m=scenario.standoff.radius_m,
     )

@@ -22,5 +22,8 @@ def wants_of(
         speeds,
         limit_speeds,
         battery_needed,
+        evader_height_limit_m=30.0,
         announces=announces,
+        evader_speed_m_s=0.0,
+        standoff_radius_m=0.0,
     )

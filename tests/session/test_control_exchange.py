@@ -182,7 +182,7 @@ def test_beyond_so_many_orders_at_once_a_client_is_turned_away(token, monkeypatc
 
 def test_no_exchange_waits_for_a_free_place():
     class Full(threading.BoundedSemaphore):
-        def acquire(self, blocking=True):
+        def acquire(self, blocking=True, timeout=None):
             assert not blocking
             return False
 
