@@ -15,10 +15,14 @@ from guidance.session.orders.control_socket import ControlSocket, begin_exchange
 from guidance.session.orders.control_token import socket_path
 from tests.harness.bus import published
 
+PLAIN = socket.socket
+"""A test may replace the class that the daemon uses."""
+
 
 def connected(token):
     """Return a connection to the daemon of a token."""
-    there = socket.socket(socket.AF_UNIX)
+    there = PLAIN(socket.AF_UNIX)
+    there.settimeout(3.0)
     there.connect(str(socket_path(token.path)))
     return there
 
@@ -27,7 +31,7 @@ def wait_for_exchanges():
     """Wait until no exchange is under way; an exception in one would fail the test."""
     for thread in threading.enumerate():
         if thread.name == "order":
-            thread.join()
+            thread.join(3.0)
 
 
 class Daemon:
