@@ -179,7 +179,7 @@ def test_a_client_that_says_nothing_is_given_up_after_a_second(token, monkeypatc
 
 
 def test_beyond_so_many_orders_at_once_a_client_is_turned_away(token, monkeypatch):
-    monkeypatch.setattr(control_socket, "_MOST_AT_ONCE", 1)
+    monkeypatch.setattr(control_socket, "MOST_AT_ONCE", 1)
     daemon = Daemon(token)
     with contextlib.closing(daemon.socket):
         with connected(token), connected(token) as second:

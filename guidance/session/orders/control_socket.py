@@ -26,7 +26,7 @@ _LONGEST_ORDER: Final = 4096
 _BUFFER_BYTES: Final = 65536
 """Read at once: bytes left unread would reset the connection before the answer arrives."""
 
-_MOST_AT_ONCE: Final = 64
+MOST_AT_ONCE: Final = 64
 
 _ACCEPT_AGAIN_S: Final = 0.05
 
@@ -89,7 +89,7 @@ class ControlSocket:
         self._token = token
         self._pass_on = pass_on
         self._path = socket_path(token.path)
-        self._free = threading.BoundedSemaphore(_MOST_AT_ONCE)
+        self._free = threading.BoundedSemaphore(MOST_AT_ONCE)
         self._closed = threading.Event()
         self._listener = socket.socket(socket.AF_UNIX)
         try:
@@ -103,7 +103,7 @@ class ControlSocket:
             readable = stat.S_IMODE(rights.st_mode) & 0o444
             # Who may read the token may write to the socket
             self._path.chmod(readable | readable >> 1)
-            self._listener.listen(_MOST_AT_ONCE)
+            self._listener.listen(MOST_AT_ONCE)
         except OSError as error:
             self._listener.close()
             raise OutputError(
