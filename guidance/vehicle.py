@@ -306,11 +306,10 @@ def is_plausible(message: Message | messages.EvaderReport) -> bool:
             is_fast = abs(north) > FASTEST_M_S or abs(east) > FASTEST_M_S or abs(down) > FASTEST_M_S
             plausible = not is_fast
         case Home():
-            untold = all(
-                map(math.isnan, message.position_ned_m)
-            )  # then it is computed from the map
+            # An unknown local position is computed from the map.
+            is_unknown = all(map(math.isnan, message.position_ned_m))
             plausible = _on_earth(message) and (
-                untold or _within(FARTHEST_M, *message.position_ned_m)
+                is_unknown or _within(FARTHEST_M, *message.position_ned_m)
             )
         case Origin() | messages.EvaderReport():
             plausible = _on_earth(message)

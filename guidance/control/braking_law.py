@@ -118,10 +118,8 @@ def measure_walls(
     if envelope.fence_polygon is not None:
         edges = _edges(envelope.fence_polygon, point)
         walls.extend(
-            [
-                Wall(Limiter.FENCE_POLYGON, Ned((*normal, 0.0)), gap_m - margin_m, margin_m)
-                for normal, gap_m in edges
-            ]
+            Wall(Limiter.FENCE_POLYGON, Ned((*normal, 0.0)), gap_m - margin_m, margin_m)
+            for normal, gap_m in edges
         )
     walls.append(Wall(Limiter.FLOOR, DOWN, height_m - envelope.floor_m - spare_m, spare_m))
     walls.append(Wall(Limiter.CEILING, UP, envelope.ceiling_m - height_m))

@@ -37,7 +37,7 @@ from guidance.control import Gaps
 from guidance.control.braking_law import approach_speed
 from guidance.cycle.circling import Circling, meeting_velocity
 from guidance.cycle.guarding import Guard, guard, is_held
-from guidance.cycle.players import Capability, Players, late_start
+from guidance.cycle.players import NOWHERE, Capability, Players, late_start
 from guidance.frames import Enu, Ned
 from guidance.game import Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
@@ -45,7 +45,6 @@ from guidance.game.pe import escape
 from guidance.messages import UNKNOWN_VELOCITY
 
 _NOT_OBSERVED: Final = Circling()
-_NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
 _TAKEN_FOR_GRANTED: Final = 0.8
 """Share of the speed that the verdict uses before the vehicle has flown its full speed."""
 
@@ -313,7 +312,7 @@ def without_game(players: Players) -> Certificate:
         int(Winner.UNDECIDED),
         value=math.nan,
         margin_s=math.nan,
-        meeting_point_game_m=_NOWHERE,
+        meeting_point_game_m=NOWHERE,
         meeting_time_s=math.nan,
         speed_ratio=math.nan,
         evader_age_s=players.evader_age_s,
@@ -341,7 +340,7 @@ def _defended(
 ) -> Certified:
     """Add this vehicle's promises in TAD, and choose its course."""
     E = players.evader_m
-    T = _NOWHERE if players.target_m is None else players.target_m
+    T = NOWHERE if players.target_m is None else players.target_m
     u = game.pursuer.horizontal_m_s
     # The speed over the ground that the vehicle has shown, or is trusted with before.
     trusted_m_s = min(

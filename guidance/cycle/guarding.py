@@ -9,7 +9,8 @@ positions and of the vehicle's velocity: it has no meeting that can be lost from
 **The vehicle's time.** After a reaction time the vehicle accelerates from its present velocity to the one towards Y
 (`guidance.cycle.players.late_start`). It brakes before the rim of the disc about an evader at Y as its approach does:
 to rest, or to the evader's velocity if that runs away from it (`guidance.control.arrival`). Its time is the larger one
-of this and of the time to the disc's height.
+of this and of the time to the disc's height. It is at least the time of its change of velocity, because a vehicle that
+is too fast to stop at a place passes it.
 
 **One point.** A vehicle above a point guards everything within the disc's radius. If the target is no wider than that,
 the only place that counts is X itself, and the vehicle has to be slow enough at the rim of the disc about X to stop
@@ -33,7 +34,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from guidance.control.arrival import Stop, closing_s, meeting_s
-from guidance.cycle.players import Capability, Players
+from guidance.cycle.players import NOWHERE, Capability, Players
 from guidance.frames import Enu
 from guidance.game import Extent, Game, StateSolution
 from guidance.game.arrays import FLOATS, Array
@@ -49,7 +50,6 @@ UNSURE: Final = 0.03
 _WIDE_UNSURE_S: Final = 0.1
 """The time at a wide target, where a vehicle with the verdict "pursuer" flies so as to keep it."""
 
-_NOWHERE: Final = (math.nan, math.nan, math.nan)
 _TINY_M: Final = 1e-9
 _SPACING_M: Final = 3.0
 _FEWEST: Final = 8
@@ -167,7 +167,7 @@ def is_held(game: Game) -> bool:
 
 def _race(shown: Game, players: Players, vehicle: Capability, flies_on_s: float) -> _Race:
     """Return both players over the ground, relative to the target."""
-    target_m = np.array((_NOWHERE if players.target_m is None else players.target_m)[:2])
+    target_m = np.array((NOWHERE if players.target_m is None else players.target_m)[:2])
     target_m_s = np.array(shown.target_velocity_m_s)
     return _Race(
         np.array(players.pursuer_m[:2]) - target_m,
@@ -332,7 +332,7 @@ def _level_s(game: Game, players: Players, vehicle: Capability) -> float:
 
 def _guarded_point(game: Game, solution: StateSolution, players: Players) -> tuple[float, float]:
     """Return the point of the target that is closest to the meeting point, from the target's position then."""
-    x_m, y_m, _ = _NOWHERE if players.target_m is None else players.target_m
+    x_m, y_m, _ = NOWHERE if players.target_m is None else players.target_m
     time_s = solution.meeting_time_s
     x_m = solution.meeting_point_m[0] - x_m - game.target_velocity_m_s[0] * time_s
     y_m = solution.meeting_point_m[1] - y_m - game.target_velocity_m_s[1] * time_s

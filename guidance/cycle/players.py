@@ -1,10 +1,13 @@
 """Both players of a cycle, what the vehicle can do, and where a pursuer of the game does as well as it."""
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from guidance.control import Acceleration, Approach, Envelope, Gaps
 from guidance.frames import Enu
+
+NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
+"""Position of what is not there, such as the target of PE."""
 
 
 class Players(NamedTuple):

@@ -111,7 +111,8 @@ class Checkup:
                 complete_s = clock.now_s()
                 continue
             # Who is there instead of a silent evader is known only after some HEARTBEATs.
-            evader_s = 1.0 if self._evader_simulated or self._facts().evader else 3.0
+            is_heard = self._facts().evader is not None
+            evader_s = 1.0 if self._evader_simulated or is_heard else 3.0
             if clock.now_s() - complete_s > COUNTED_S + evader_s:
                 break
         another = another_autopilot(self._facts(), self._plan.flight.autopilot)

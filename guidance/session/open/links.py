@@ -83,15 +83,14 @@ def open_all(
     if wire is None and vehicle.mavlink_url is not None:
         # The evader's reports arrive on it too, unless they have a URL of their own.
         systems = (vehicle.system_id, evader.system_id if evader.url is None else None)
+        is_beside = vehicle.mavlink_url != vehicle.url and evader.url is not None
         wire = open_wire(
             vehicle.mavlink_url,
             clock=clock.now_s,
             systems=systems,
             signing_key=key,
             credentials=credentials,
-            rest_s=_REST_S
-            if vehicle.mavlink_url != vehicle.url and evader.url is not None
-            else 0.0,
+            rest_s=_REST_S if is_beside else 0.0,
         )
     if wire is not None:
         closed.callback(wire.close)
