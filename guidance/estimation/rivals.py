@@ -94,14 +94,14 @@ def listen(rivals: SourceMemory, report: SourceReport, settings: TrackSettings) 
     now_s = report.arrived.received_s
     sent_s = report.arrived.sent_s
     newest_sent_s = max(rivals.newest_sent_s, sent_s)
-    same_stamp = [past.arrived for past in rivals.recent if past.arrived.sent_s == sent_s]
-    has_arrived = any(
-        past.latitude_deg == report.arrived.latitude_deg
-        and past.longitude_deg == report.arrived.longitude_deg
-        for past in same_stamp
-    )
-    if not sent_s > rivals.newest_sent_s and has_arrived:
-        report = report._replace(is_copy=True)
+    if not sent_s > rivals.newest_sent_s:
+        has_arrived = any(
+            past.arrived.sent_s == sent_s
+            and past.arrived.latitude_deg == report.arrived.latitude_deg
+            and past.arrived.longitude_deg == report.arrived.longitude_deg
+            for past in rivals.recent
+        )
+        report = report._replace(is_copy=has_arrived)
     recent = (*rivals.recent[-_MAX_REPORTS + 1 :], report)
     # A report, after the one before it, can count as a sign of a second source.
     before = recent[-2:][0]
