@@ -88,13 +88,12 @@ def test_08_a_pilot_who_returns_to_offboard_is_not_joined(sortie):
 def test_08_a_pilot_is_seen_in_every_phase_in_the_air(sortie, autopilot):
     mode = PILOT_MODES[autopilot][0]
     for phase in (State.CLIMBING, State.POSITIONING, State.STANDING_BY, State.ENTERING):
-        flight = sortie(autopilot)
-        flight.until(State.READY)
-        while not flight.evader.ready:
-            flight.cycle()
-        flight.cycle(Event.START)
+        if phase in {State.CLIMBING, State.POSITIONING}:
+            flight = sortie.ready(autopilot)
+            flight.cycle(Event.START)
+        else:
+            flight = sortie.standing_by(autopilot)
         if phase is State.ENTERING:
-            flight.until(State.STANDING_BY)
             flight.cycle(Event.ENGAGE)
         flight.until(phase)
         take_over(flight, mode)

@@ -24,7 +24,7 @@ def height_m(flight):
 def test_an_order_to_end_right_after_the_start_leaves_the_vehicle_on_the_ground_disarmed(
     sortie, autopilot, order, after_s
 ):
-    flight = sortie(autopilot).until(State.READY)
+    flight = sortie.ready(autopilot)
     ground_m = height_m(flight)
     flight.cycle(Event.START)
     flight.run(after_s)
@@ -41,7 +41,7 @@ def test_an_order_to_end_right_after_the_start_leaves_the_vehicle_on_the_ground_
     ("order", "mode"), [(Event.HOLD, None), (Event.RETURN, "RTL"), (Event.LAND, "LAND")]
 )
 def test_an_order_to_end_in_the_climb_ends_the_climb(sortie, autopilot, order, mode):
-    flight = sortie(autopilot).until(State.READY)
+    flight = sortie.ready(autopilot)
     flight.cycle(Event.START)
     while height_m(flight) < 2.0:
         flight.cycle()
@@ -55,7 +55,7 @@ def test_an_order_to_end_in_the_climb_ends_the_climb(sortie, autopilot, order, m
 
 
 def test_a_hold_on_the_way_to_the_start_stops_the_vehicle(sortie, autopilot):
-    flight = sortie(autopilot).until(State.READY)
+    flight = sortie.ready(autopilot)
     flight.cycle(Event.START)
     flight.until(State.POSITIONING).run(2.0)
     assert flight.state is State.POSITIONING
@@ -67,7 +67,7 @@ def test_a_hold_on_the_way_to_the_start_stops_the_vehicle(sortie, autopilot):
 
 
 def test_a_vehicle_that_a_pilot_armed_on_the_ground_is_not_started(sortie, autopilot):
-    flight = sortie(autopilot).until(State.READY)
+    flight = sortie.ready(autopilot)
     flight.mock.inject("rc", True)
     flight.run(0.5)
     flight.mock.inject("pilot_mode", STICKS[autopilot])
@@ -86,7 +86,7 @@ def test_a_vehicle_that_a_pilot_armed_on_the_ground_is_not_started(sortie, autop
 def test_a_vehicle_that_a_pilot_arms_just_before_the_start_order_is_left_to_the_pilot(
     sortie, autopilot
 ):
-    flight = sortie(autopilot).until(State.READY)
+    flight = sortie.ready(autopilot)
     while not flight.pilot.flight.observed.beats:
         flight.cycle()
     flight.mock.autopilot.state.arm()  # the next HEARTBEAT will show it
@@ -101,14 +101,14 @@ def test_a_vehicle_that_a_pilot_arms_just_before_the_start_order_is_left_to_the_
 
 
 def test_a_pilots_hold_in_the_climb_is_left_alone(sortie, autopilot):
-    flight = sortie(autopilot).until(State.READY)
+    flight = sortie.ready(autopilot)
     flight.cycle(Event.START)
     while height_m(flight) < 2.0:
         flight.cycle()
     flight.mock.inject("pilot_mode", HOLDS[autopilot])
     flight.until(State.YIELDED, limit_s=2.5)
     sent = len(flight.sent)
-    flight.run(100.0)
+    flight.run(20.0)
     assert flight.mock.mode == HOLDS[autopilot]
     assert {one.name for one in flight.sent[sent:]} <= {"HEARTBEAT", "TIMESYNC"}
 

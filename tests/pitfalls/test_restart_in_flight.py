@@ -61,7 +61,7 @@ def test_after_a_restart_the_vehicle_is_ready_within_two_seconds_of_being_heard(
 
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_after_a_restart_nothing_is_taken_without_a_persons_word(sortie, autopilot):
-    flight = sortie.after(restarted, autopilot).run(20.0)
+    flight = sortie.after(restarted, autopilot).run(10.0)
     assert flight.state is State.READY
     assert not flight.setpoints
     assert 176 not in [sent.message.command for sent in flight.sent if sent.name == "COMMAND_LONG"]
@@ -140,13 +140,14 @@ def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(
 def test_an_order_is_not_taken_for_a_pilots_because_heartbeat_shows_the_mode_before(
     sortie, autopilot, flown, order, state
 ):
-    flight = sortie(autopilot).until(State.READY)
     if flown is State.CLIMBING:
+        flight = sortie.ready(autopilot)
         flight.cycle(Event.START)
         flight.until(State.CLIMBING)
         flight.run(10.0, lambda: flight.mock.truth.position_ned_m[2] < -1.0)
     else:
-        flight.standing_by().cycle(Event.RETURN)
+        flight = sortie.standing_by(autopilot)
+        flight.cycle(Event.RETURN)
         flight.run(3.0)
         assert flight.flight.mode_name == str(Mode.RETURN)
     flight.cycle(order)
