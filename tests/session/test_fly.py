@@ -18,7 +18,7 @@ from guidance.session.flight_files import flight_folder
 from guidance.session.fly.result import ending_words, outcome_of_flight
 from guidance.sim.batch import game
 from guidance.sim.scenario_file import load_scenario
-from tests.harness.flights import NEAR, flown
+from tests.harness.flights import NEAR, flown, soon_up_and_down
 
 pytestmark = pytest.mark.flight
 
@@ -34,11 +34,12 @@ def ended(result):
 @pytest.fixture(scope="module")
 def pe(tmp_path_factory):
     path = tmp_path_factory.mktemp("pe") / "record.mcap"
-    return flown(load_scenario("pe")[1], path), path
+    with soon_up_and_down():
+        return flown(load_scenario("pe")[1], path), path
 
 
 def test_a_full_disk_is_reported_at_once_and_the_game_is_played_to_its_end(tmp_path):
-    scenario = Path(__file__).parents[1] / "data" / "short_chase.toml"
+    scenario = Path(__file__).parents[1] / "data" / "near_chase.toml"
     guidance = Path(sys.executable).parent / "guidance"
     # No file of the process may become larger than 100 blocks of 1 KiB: the record alone would.
     command = f'ulimit -f 100; exec "{guidance}" fly "{scenario}" --fast --out "{tmp_path}"'
@@ -57,7 +58,8 @@ def test_a_full_disk_is_reported_at_once_and_the_game_is_played_to_its_end(tmp_p
 
 @pytest.fixture(scope="module")
 def tad():
-    return flown(load_scenario("tad")[1])
+    with soon_up_and_down():
+        return flown(load_scenario("tad")[1])
 
 
 @pytest.mark.parametrize("name", ["pe", "tad"])

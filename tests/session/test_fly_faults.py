@@ -16,7 +16,7 @@ from guidance.sim.mock_files import faulted_fleet, fleet, script
 from guidance.sim.scenario import Scenario
 from tests.harness import flights
 
-pytestmark = pytest.mark.flight
+pytestmark = [pytest.mark.flight, pytest.mark.usefixtures("soon_up_and_down")]
 
 CHASE = {
     "title": "a chase",

@@ -79,6 +79,7 @@ def test_what_a_scenario_of_teams_expects_holds_in_mathematics(name):
 
 
 @pytest.mark.flight
+@pytest.mark.usefixtures("soon_up_and_down")
 @pytest.mark.parametrize(
     "name",
     [
