@@ -108,7 +108,7 @@ class Installed:
         self.folder = folder
         self.bin = folder / "env" / "bin"
         quiet("venv", python, "-m", "venv", "--without-pip", str(folder / "env"))
-        self._link(linked)
+        self.link(linked)
         self.install(built, *(["--no-deps"] if linked else []))
 
     def install(self, built: Path, *options: str) -> None:
@@ -116,7 +116,7 @@ class Installed:
         pip = (sys.executable, "-m", "pip", "--python", str(self.bin / "python"))
         quiet("pip", *pip, "install", "-q", "--no-compile", *options, str(built))
 
-    def _link(self, packages: Sequence[str]) -> None:
+    def link(self, packages: Sequence[str]) -> None:
         """Link packages of this environment with what they need, and no other."""
         (site,) = self.folder.glob("env/lib/python*/site-packages")
         linked = set[str]()
@@ -127,7 +127,8 @@ class Installed:
                 continue
             linked.add(name)
             package = distribution(name)
-            for top in {file.parts[0] for file in package.files or ()} - {"..", "__pycache__"}:
+            there = {"..", "__pycache__", *(path.name for path in site.iterdir())}
+            for top in {file.parts[0] for file in package.files or ()} - there:
                 (site / top).symlink_to(Path(str(package.locate_file(top))))
             needs = (Requirement(need) for need in package.requires or ())
             open_needs += [

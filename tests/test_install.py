@@ -115,22 +115,6 @@ def test_a_container_leaves_out_what_the_page_about_small_computers_does():
     assert [line for line in trimming() if f"RUN {line}" not in made_of] == []
 
 
-@pytest.mark.flight
-def test_the_wheel_in_an_empty_environment_is_small_and_flies(project_wheel, tmp_path):
-    base = Installed(project_wheel, sys.executable, tmp_path, linked=PROJECT["dependencies"])
-    assert sum(megabytes for megabytes, _ in base.weights().values()) < LARGEST_MB
-    assert base.present() == []
-    flown = base.run("guidance", "fly", "--fast", str(ROOT / "tests" / "data" / "short_chase.toml"))
-    assert flown.returncode == 0, flown.stderr
-    assert (
-        "picture  needs matplotlib, which is not installed: pip install 'pursuit-guidance[plot]'"
-        in flown.stdout
-    )
-    assert base.run("sitl-mock", "list").returncode == 0
-    refused = base.run("guidance", "sweep", "policies")
-    assert (refused.returncode, "pursuit-guidance[sim]" in refused.stderr) == (2, True)
-
-
 @pytest.fixture(scope="module")
 def mock_wheel(tmp_path_factory):
     """The wheel that the mock's own folder makes."""
@@ -182,12 +166,8 @@ def test_the_mock_alone_is_small_and_answers(mock_wheel, tmp_path):
     assert said == f"sitl-mock of pursuit-sitl-mock {MOCK_PROJECT['version']}"
     refused = mock.run("sitl-mock", "calibrate", str(ROOT / "README.md"))
     assert (refused.returncode, "needs numpy" in refused.stderr) == (2, True)
-
-
-@pytest.mark.flight
-def test_a_suite_finds_the_fixtures_of_the_mock_alone(mock_wheel, tmp_path):
-    linked = [*MOCK_PROJECT["dependencies"], "pytest"]
-    mock = Installed(mock_wheel, sys.executable, tmp_path, linked=linked)
+    # A suite in the same environment finds its fixtures.
+    mock.link(["pytest"])
     (tmp_path / "test_climb.py").write_text(
         "def test_it_beats(mock_vehicle):\n"
         "    vehicle = mock_vehicle.stepped('arducopter')\n"
@@ -200,20 +180,30 @@ def test_a_suite_finds_the_fixtures_of_the_mock_alone(mock_wheel, tmp_path):
 
 
 @pytest.mark.flight
-def test_the_mock_beside_the_project_works_in_one_version_and_is_refused_in_two(
+def test_the_wheel_is_small_and_flies_with_the_mock_of_its_own_version_beside_it(
     mock_wheel, project_wheel, tmp_path
 ):
-    both = Installed(mock_wheel, sys.executable, tmp_path, linked=PROJECT["dependencies"])
-    both.install(project_wheel, "--no-deps")
-    flight = ("guidance", "fly", "--fast", str(ROOT / "tests" / "data" / "short_chase.toml"))
-    assert both.run(*flight).returncode == 0
+    base = Installed(project_wheel, sys.executable, tmp_path, linked=PROJECT["dependencies"])
+    assert sum(megabytes for megabytes, _ in base.weights().values()) < LARGEST_MB
+    assert base.present() == []
+    assert base.run("sitl-mock", "list").returncode == 0
+    refused = base.run("guidance", "sweep", "policies")
+    assert (refused.returncode, "pursuit-guidance[sim]" in refused.stderr) == (2, True)
+    base.install(mock_wheel, "--no-deps")
+    flight = ("guidance", "fly", "--fast", str(ROOT / "tests" / "data" / "near_chase.toml"))
+    flown = base.run(*flight)
+    assert flown.returncode == 0, flown.stderr
+    assert (
+        "picture  needs matplotlib, which is not installed: pip install 'pursuit-guidance[plot]'"
+        in flown.stdout
+    )
     (about,) = tmp_path.glob("env/lib/python*/site-packages/pursuit_sitl_mock-*.dist-info/METADATA")
     older = about.read_text(encoding="utf-8").replace(
         f"\nVersion: {MOCK_PROJECT['version']}\n", "\nVersion: 0.0.1\n"
     )
     about.write_text(older, encoding="utf-8")
     for command in (flight, ("sitl-mock", "run", "--vehicles", "1", "--udp", "27000")):
-        refused = both.run(*command)
+        refused = base.run(*command)
         assert refused.returncode == 2
         named = f"pursuit-sitl-mock 0.0.1 and pursuit-guidance {PROJECT['version']}"
         assert named in " ".join(refused.stderr.split())
