@@ -183,7 +183,7 @@ def test_25_an_evader_beyond_the_fence_is_pursued_only_to_the_fence(sortie, auto
     fenced = settings.model_copy(
         update={"cycle": dataclasses.replace(settings.cycle, envelope=envelope)}
     )
-    flight = sortie(autopilot, scenario=far, settings=fenced).engaged().run(25.0)
+    flight = sortie(autopilot, scenario=far, settings=fenced).engaged().run(15.0)
     position = flight.mock.truth.position_ned_m
     assert math.hypot(*position[:2]) <= 30.0
     assert math.hypot(*position[:2]) >= 24.0

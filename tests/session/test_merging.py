@@ -16,7 +16,7 @@ from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
 from guidance.log import replay
 from guidance.session.flight_files import recorded_settings
-from guidance.session.fly.mission import MissionPolicy
+from guidance.session.fly.mission import PATIENCE_S, MissionPolicy
 from guidance.session.fly.result import outcome_of_flight
 from guidance.session.plan import merged, plan_of
 from guidance.session.vehicle_file import Config
@@ -103,9 +103,10 @@ def test_a_game_is_flown_and_the_vehicle_handed_over_as_its_file_says(sortie):
     assert outcome.min_standoff_m > 7.0
 
 
-def test_without_a_persons_word_nothing_starts_and_nothing_engages(sortie):
+def test_without_a_persons_word_nothing_starts_and_nothing_engages(sortie, monkeypatch):
     """Catches a scenario that starts a real vehicle without a person."""
-    flown = sortie(own(), scenario(), engage=False).run(66.0)
+    monkeypatch.setitem(PATIENCE_S, State.READY, 5.0)  # of 60, to fly less
+    flown = sortie(own(), scenario(), engage=False).run(12.0)
     assert flown.state is State.READY
     flown.mailbox.ask("start")
     flown.run(60.0, until=lambda: flown.state is State.STANDING_BY)

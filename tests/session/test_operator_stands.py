@@ -24,7 +24,7 @@ LEADS_TO = {
     "land": State.LANDING,
     "abort": State.LANDING,
 }
-STANDS_S = 30.0
+STANDS_S = 12.0
 NEXT = {
     State.HOLDING: "held by operator",
     State.RETURNING: "returning by operator",
@@ -91,7 +91,7 @@ def by_operator(result):
         pytest.param("scenario run --as vehicle", "px4", marks=pytest.mark.long),
     ],
 )
-def test_a_hold_in_the_game_is_kept_for_30_s_until_land_is_ordered(runner, autopilot):
+def test_a_hold_in_the_game_is_kept_until_land_is_ordered(runner, autopilot):
     operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, STANDS_S, "land"))
     result = operator.fly(RUNNERS[runner], autopilot=autopilot)
     (held, (landing,)), _ = by_operator(result)
@@ -150,7 +150,7 @@ def test_a_landing_can_be_held_and_returned_and_a_return_held(autopilot):
 
 @pytest.mark.flight
 def test_a_game_engaged_again_after_a_hold_is_judged_by_itself():
-    limit_s = 15.0
+    limit_s = 10.0
     operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, limit_s + 5.0, "engage"))
     result = operator.fly(scenario=NEAR.model_copy(update={"time_limit_s": limit_s}))
     outcome = outcome_of_flight(result, "fast")
@@ -162,16 +162,16 @@ def test_a_game_engaged_again_after_a_hold_is_judged_by_itself():
 
 @pytest.mark.flight
 def test_a_mission_that_ends_its_vehicle_is_kept_going_by_an_operators_order():
-    operator = Operator((State.LANDING, 0.1, "hold"), (State.HOLDING, 20.0, "land"))
+    operator = Operator((State.LANDING, 0.1, "hold"), (State.HOLDING, 8.0, "land"))
     result = operator.fly(RUNNERS["scenario run --as vehicle"])
     (held, (landing,)), _ = by_operator(result)
     assert held.before is State.LANDING
-    assert landing.now_s - held.now_s >= 20.0
+    assert landing.now_s - held.now_s >= 8.0
 
 
 @pytest.mark.flight
 def test_a_hold_outlasts_the_longest_mission(monkeypatch):
-    limit_s = 40.0  # of 900, to fly less
+    limit_s = 28.0  # of 900, to fly less
     monkeypatch.setattr(mission, "MISSION_LIMIT_S", limit_s)
     operator = Operator((State.ENGAGED, 1.0, "hold"), (State.HOLDING, limit_s + 10.0, "land"))
     result = operator.fly()

@@ -19,7 +19,7 @@ from guidance.session.open.mock import MockOptions
 from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.scenario_file import load_scenario, with_policies
 from guidance.strategies import own
-from tests.harness.sortie import SHORT
+from tests.harness.flights import NEAR
 
 pytestmark = pytest.mark.usefixtures("soon_up_and_down")
 OBSERVATION = np.array([[3.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
@@ -59,7 +59,7 @@ def boom(_):
 )
 def test_a_policy_flies_and_what_has_no_answer_holds_and_replays(then, words, tmp_path):
     own.register_policy("tests.own:policy", Failing(150, then))
-    scenario = with_policies(SHORT, pursuer="tests.own:policy")
+    scenario = with_policies(NEAR, pursuer="tests.own:policy")
     result = fly_recorded(scenario, tmp_path, MockOptions(fast=True)).vehicles["pursuer"]
     own.forget()  # a replay runs nobody's code
     assert result.captured is (words is None)
