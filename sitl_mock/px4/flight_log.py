@@ -14,6 +14,7 @@ from sitl_mock.logs import ulog
 from sitl_mock.logs.parameters import LoggedParameters
 from sitl_mock.protocols import ParamKind
 from sitl_mock.px4.topics import LOGGED, STEP_MS
+from sitl_mock.telemetry.px4 import is_logged
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,10 +34,6 @@ _DUE: Final = tuple(
 """Packing and builder of the topics of each step."""
 _ON_CHANGE: Final = (LOGGED["vehicle_status"], LOGGED["vehicle_land_detected"])
 """Topics that PX4 also writes when arming, mode or landing change."""
-_NEVER: Final = -1
-_FROM_ARMING: Final = 0
-_FROM_BOOT: Final = 1
-_UNTIL_SHUTDOWN: Final = 2
 _RELEASE: Final = 255
 
 
@@ -53,7 +50,6 @@ class Px4FlightLog:
         self._step = 0
         self._armed = False
         self._status: tuple[bool, int, int] | None = None
-        self._has_flown = False
         self._parameters = LoggedParameters()
 
     def tick(self, report: Report) -> None:
@@ -114,22 +110,8 @@ class Px4FlightLog:
 
     def _decide(self, report: Report) -> None:
         """Begin or end the log at the boot, at arming and at disarming."""
-        armed = report.state.armed
-        if armed != self._armed:
-            self._has_flown = True
-        self._armed = armed
-        mode = int(report.state.parameters["SDLOG_MODE"])
-        if mode == _NEVER:
-            is_logged = False
-        elif mode == _FROM_ARMING:
-            is_logged = armed
-        elif mode == _FROM_BOOT:
-            is_logged = armed or not self._has_flown
-        elif mode == _UNTIL_SHUTDOWN:
-            is_logged = True
-        else:
-            is_logged = armed or self._has_flown
-        if not is_logged:
+        self._armed = report.state.armed
+        if not is_logged(report.state):
             self._book.end()
         elif self._book.running is None:
             head = b"".join(self.head(report))

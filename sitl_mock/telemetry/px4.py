@@ -13,13 +13,15 @@ from sitl_mock.parameters.calibrated_sensors import uncalibrated
 from sitl_mock.telemetry.motion import pressure_hpa
 from sitl_mock.telemetry.wire import Fields, int16
 from sitl_mock.vehicle.flavour import Report
+from sitl_mock.vehicle.state import VehicleState
 
 _NAN: Final = math.nan
 _LOCAL_NED = 1
 _GLOBAL_INT = 5
 _EMPTY_Q: Final = bytes(16)
 _NOBODY: Final = bytes(20)
-_PRESENT: Final = 0x0300402F
+_PRESENT: Final = 0x0200402F
+_LOGGING = 0x1000000
 _RADIO = 0x10000
 _GPS = 0x20
 _POSITION = 0x4000
@@ -27,6 +29,10 @@ _AHRS = 0x200000
 _PREARM = 0x10000000
 _HEALTHY: Final = 0x0300881F
 _IDLING: Final = int(Kind.IDLING)
+_NEVER: Final = -1
+_FROM_ARMING: Final = 0
+_FROM_BOOT: Final = 1
+_UNTIL_SHUTDOWN: Final = 2
 _OWN: Final = (Kind.TRAVEL, Kind.BRAKE)
 _STILL: Final = (_NAN,) * 6 + (0.0, 0.0, 100.0)
 """Setpoint of an idling PX4: a large downward acceleration."""
@@ -116,12 +122,15 @@ _ROUNDING: Final = 1e-9
 
 
 def px4_sys_status(report: Report) -> Fields:
-    """SYS_STATUS: PREARM is healthy when it may arm, and never present; the charge is rounded up."""
+    """SYS_STATUS: PREARM is healthy when it may arm, and never present; LOGGING is present while a log is written.
+
+    The charge is rounded up.
+    """
     state = report.state
     battery = state.battery
     estimator = state.estimator
     pilot = state.pilot
-    present = _PRESENT | (_RADIO if pilot.known else 0)
+    present = _PRESENT | (_RADIO if pilot.known else 0) | (_LOGGING if is_logged(state) else 0)
     health = _HEALTHY
     health |= _GPS if estimator.gps_ok else 0
     health |= _POSITION | _AHRS if estimator.position_valid else 0
@@ -132,6 +141,18 @@ def px4_sys_status(report: Report) -> Fields:
     millivolts = int(battery.voltage_v * 1000.0)
     percent = math.ceil(battery.remaining * 100.0 - _ROUNDING)
     return (present, present | _RADIO, health, 120, millivolts, -100, percent, *(0,) * 8, 1)
+
+
+def is_logged(state: VehicleState) -> bool:
+    """True if SDLOG_MODE wants a log now."""
+    mode = int(state.parameters["SDLOG_MODE"])
+    if mode == _NEVER:
+        return False
+    if mode == _FROM_ARMING:
+        return state.armed
+    if mode == _FROM_BOOT:
+        return state.armed or not state.was_armed
+    return mode == _UNTIL_SHUTDOWN or state.was_armed
 
 
 def px4_position_target_local_ned(report: Report) -> Fields:

@@ -162,6 +162,7 @@ class VehicleState:
         home_given: Home was set by a command.
         booted_s: Time of the boot.
         armed_s: Time of arming; minus infinity while disarmed.
+        was_armed: It has been armed since the boot.
         landed_s: Time of touchdown; plus infinity in the air.
         flew: It has left the ground since arming.
         news: Names of messages to send once, unsolicited, on every link.
@@ -191,6 +192,7 @@ class VehicleState:
     booted_s: float = 0.0
     armed: bool = False
     armed_s: float = -math.inf
+    was_armed: bool = False
     landed_s: float = -math.inf
     flew: bool = False
     now_s: float = 0.0
@@ -233,6 +235,7 @@ class VehicleState:
         """Arm."""
         self.armed = True
         self.armed_s = self.now_s
+        self.was_armed = True
         self.flew = False
 
     def disarm(self) -> None:

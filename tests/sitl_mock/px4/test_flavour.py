@@ -552,8 +552,22 @@ def test_row_22_the_prearm_bit_is_never_present_and_healthy_while_landing(fly):
     flight.command(21)
     flight.until(lambda: not flight.vehicle.armed, 30.0)
     for _, status in flight.all("SYS_STATUS", 1.0):
-        assert status.onboard_control_sensors_present & ~0x10000 == 0x0300402F
+        assert status.onboard_control_sensors_present & ~0x1010000 == 0x0200402F
         assert status.onboard_control_sensors_health & prearm
+
+
+@pytest.mark.parametrize(
+    ("mode", "before", "armed", "after"),
+    [(-1, 0, 0, 0), (0, 0, 1, 0), (1, 1, 1, 0), (2, 1, 1, 1), (3, 0, 1, 1)],
+)
+def test_the_logging_bit_is_present_while_px4_writes_a_log(fly, mode, before, armed, after):
+    flight = fly("px4", parameters={"SDLOG_MODE": mode}).run(6.0)
+    present = []
+    for arms in (0.0, 1.0, 0.0):
+        flight.command(400, arms)
+        flight.run(1.0)
+        present.append(flight.last("SYS_STATUS").onboard_control_sensors_present >> 24 & 1)
+    assert present == [before, armed, after]
 
 
 def test_row_24_px4_is_active_from_arming_and_not_ready_before_its_checks_pass(fly):
