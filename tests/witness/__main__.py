@@ -11,7 +11,7 @@ played at the same time. seen.json keeps what was seen last, and `--page` writes
 exit code is 1 if a case differs and causes.toml does not name it. A case whose program is not on this computer is not
 played:
 
-    --px4-zenoh ENDPOINT         the Zenoh router of that PX4, started after PX4's estimator (docs/how-to/px4-mode.md)
+    --px4-zenoh ENDPOINT         the Zenoh router of that PX4 (see the limits in docs/how-to/px4-flight-mode.md)
     --mavsdk3-examples FOLDER    examples of a checkout of github.com/mavlink/MAVSDK-Python
     --mavsdk4-examples FOLDER    py/mavsdk/examples of a checkout of github.com/mavlink/MAVSDK
     --mavsdk3-tests FOLDER       a checkout of github.com/mavlink/MAVSDK with its integration tests, see docs/mock.md

@@ -157,26 +157,6 @@ def accepted_intervals(client: Client) -> str:
     return f"{len(accepted)} accepted: {', '.join(map(str, accepted))}"
 
 
-@case("texts of arming after SET_MESSAGE_INTERVAL of STATUSTEXT: never, default, stop, 20 Hz")
-def text_interval(client: Client) -> str:
-    answers = ["never"]
-    shown = [arming_texts(client)]
-    for interval_us in (0, -1, TEXT_US):
-        answers.append(client.command(511, dialect.MAVLINK_MSG_ID_STATUSTEXT, interval_us))
-        shown.append(arming_texts(client))
-    return "; ".join(f"{answer}: {texts}" for answer, texts in zip(answers, shown, strict=True))
-
-
-def arming_texts(client: Client) -> str:
-    """Arm and disarm; return how many texts come."""
-    client.gather("STATUSTEXT", 5.5)  # PX4 sends texts of the last five seconds afterwards
-    client.command(400, 1)
-    came = client.gather("STATUSTEXT", 1.5)
-    client.command(400, 0)
-    came += client.gather("STATUSTEXT", 1.5)
-    return "texts" if came else "none"
-
-
 TEXT_US = 50_000
 
 
@@ -917,6 +897,27 @@ shell_case("no_such_command")
 
 
 # -- texts of a flight -------------------------------------------------------------------------------------------------
+
+
+@case("texts of arming after SET_MESSAGE_INTERVAL of STATUSTEXT: never, default, stop, 20 Hz")
+def text_interval(client: Client) -> str:
+    answers = ["never"]
+    shown = [arming_texts(client)]
+    for interval_us in (0, -1, TEXT_US):
+        answers.append(client.command(511, dialect.MAVLINK_MSG_ID_STATUSTEXT, interval_us))
+        shown.append(arming_texts(client))
+    return "; ".join(f"{answer}: {texts}" for answer, texts in zip(answers, shown, strict=True))
+
+
+def arming_texts(client: Client) -> str:
+    """Arm and disarm; return how many texts come."""
+    client.gather("STATUSTEXT", 5.5)  # PX4 sends texts of the last five seconds afterwards
+    client.command(400, 1)
+    came = client.gather("STATUSTEXT", 1.5)
+    client.command(400, 0)
+    came += client.gather("STATUSTEXT", 1.5)
+    return "texts" if came else "none"
+
 
 LOGGER = "[logger]"
 """Beginning of texts about the logs of the simulator's computer."""
