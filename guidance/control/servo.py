@@ -23,7 +23,9 @@ takes the drift out, and these loops keep height and place.
 **Speed** (`observe_speed`). A vehicle may be slower than its file says: tilt limit, drag, wind. The game's speed is
 compared with the mean speed flown over `RESPONSE_S` or longer. The ratio of the two is the share that it reaches. While
 it gains speed or brakes, this share can only rise. A time counts only once a HEARTBEAT in the guided mode has come
-after it: until then a pilot may have taken over.
+after it: until then a pilot may have taken over. A vehicle that climbs or descends is often a little slower than a
+level one, and will be level before the meeting. So level flight is compared by itself, and other flight counts only if
+more is missing than the vertical motion explains.
 """
 
 import math
@@ -244,7 +246,13 @@ RESPONSE_S: Final = 2.0
 """Shortest time of the mean; estimates of the speed wander by some per cent within a second."""
 
 SHORT: Final = 0.02
-"""Share of the speed asked for that may be missing; the mean scatters by about as much."""
+"""Share of the speed asked for that may be missing in level flight; the mean scatters by about as much."""
+
+SHORT_NOT_LEVEL: Final = 0.1
+"""The same in a climb or descent. PX4 at its full rate of descent flies 5 % below the speed asked for, 8 m/s."""
+
+_LEVEL_M_S: Final = 0.3
+"""Largest vertical speed of level flight."""
 
 _SMOOTHED_S: Final = 0.5
 _STEADY_M_S2: Final = 0.3
@@ -263,7 +271,7 @@ class SpeedMemory(NamedTuple):
         shown_m_s: Largest speed flown over the ground, smoothed.
         share: Share of the game's speed over the ground that it reaches, 1 at first.
         flown_ned_m_s: Mean velocity of the last half second or so.
-        compared_s: Time for which its full speed has been commanded, without a turn.
+        compared_s: Time for which its full speed has been commanded, without a turn, all of it in level flight or none.
         covered_s: The same, weighted by the share of that speed that it flew.
         began_m_s: Its speed at the beginning of that time.
     """
@@ -303,12 +311,17 @@ def observe_speed(
     along = mean.level_dot(asked_ned_m_s) / max(asked, _LEAST_ASKED_M_S)
     if not (unslowed and asked >= _LEAST_ASKED_M_S and along >= _ALIGNED * speed):
         return SpeedMemory(shown_m_s, memory.share, mean)
-    began_m_s = memory.began_m_s if memory.compared_s > 0.0 else along
-    compared_s = memory.compared_s + dt_s
-    covered_s = memory.covered_s + dt_s * along / asked
+    level = abs(mean.down) <= _LEVEL_M_S
+    was_level = abs(memory.flown_ned_m_s.down) <= _LEVEL_M_S
+    compared_s, covered_s, began_m_s = 0.0, 0.0, along
+    if memory.compared_s > 0.0 and level == was_level:
+        compared_s, covered_s, began_m_s = memory.compared_s, memory.covered_s, memory.began_m_s
+    compared_s += dt_s
+    covered_s += dt_s * along / asked
     if not (guided and compared_s >= RESPONSE_S):
         return SpeedMemory(shown_m_s, memory.share, mean, compared_s, covered_s, began_m_s)
     steady = abs(along - began_m_s) < _STEADY_M_S2 * compared_s
     reached = covered_s / compared_s
     share = reached if steady else max(memory.share, reached)
-    return SpeedMemory(shown_m_s, 1.0 if share > 1.0 - SHORT else share, mean)
+    short = SHORT if level else SHORT_NOT_LEVEL
+    return SpeedMemory(shown_m_s, 1.0 if share > 1.0 - short else share, mean)

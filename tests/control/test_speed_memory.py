@@ -8,7 +8,9 @@ from guidance.frames import Ned
 DT_S = 0.02
 
 
-def flown(speeds_m_s, asked_m_s=10.0, at_full_speed=True, guided=lambda _number: True):
+def flown(
+    speeds_m_s, asked_m_s=10.0, at_full_speed=True, guided=lambda _number: True, down_m_s=None
+):
     """Fly along north at these speeds, with a HEARTBEAT every second; return every memory."""
     memory = SpeedMemory()
     kept = []
@@ -16,7 +18,7 @@ def flown(speeds_m_s, asked_m_s=10.0, at_full_speed=True, guided=lambda _number:
         memory = observe_speed(
             memory,
             Ned((asked_m_s, 0.0, 0.0)),
-            Ned((speed, 0.0, 0.0)),
+            Ned((speed, 0.0, down_m_s[number] if down_m_s else 0.0)),
             unslowed=at_full_speed,
             guided=number % 50 == 49 and guided(number),
             dt_s=DT_S,
@@ -50,3 +52,16 @@ def test_a_vehicle_that_a_pilot_takes_over_teaches_nothing():
         0.85, abs=0.01
     )
     assert flown([0.0] * 300, guided=lambda _number: False)[-1].share == 1.0
+
+
+def test_a_descent_explains_a_tenth_of_the_speed_and_level_flight_is_compared_by_itself():
+    assert flown([7.6] * 400, asked_m_s=8.0, down_m_s=[1.5] * 400)[-1].share == 1.0
+    assert flown([7.6] * 400, asked_m_s=8.0)[-1].share == pytest.approx(0.95, abs=0.01)
+    assert flown([6.8] * 400, asked_m_s=8.0, down_m_s=[1.5] * 400)[-1].share == pytest.approx(
+        0.85, abs=0.01
+    )
+    # 6 s of a fast descent, then 5 s level: the mean of the level flight has nothing of the descent in it.
+    speeds_m_s = [6.4] * 300 + [8.0] * 250
+    kept = flown(speeds_m_s, asked_m_s=8.0, down_m_s=[2.0] * 300 + [0.0] * 250)
+    assert kept[299].share == pytest.approx(0.8, abs=0.01)
+    assert kept[-1].share == 1.0
