@@ -331,7 +331,7 @@ def test_a_vehicle_that_follows_closely_captures_before_a_wide_target_is_in_dang
     evader_m_s = (0.0, -3.0, 0.0)
     players = Players(
         Enu(pursuer_m),
-        Enu((0.0, -4.0, 0.0)),
+        Enu((0.0, -4.5, 0.0)),
         Enu(evader_m),
         Enu(evader_m_s),
         Enu(TARGET),
