@@ -355,25 +355,22 @@ def _defended(
     if is_held(game):
         guarding = guard(game, shown, solution, players, vehicle, reaction_s + AHEAD_S)
     course, velocity_m_s = _course(game, players, vehicle, solution, guarding, trusted_m_s)
+    # The winner for this vehicle, which has a margin at the target.
+    winner = Winner.PURSUER if near.margin_s > 0.0 else Winner.UNDECIDED
+    if solution.winner == Winner.EVADER:
+        winner = Winner.EVADER
+    if certificate.captured:
+        winner = Winner.PURSUER
     arrived = game.target_extent.distance_m(T, E) <= vehicle.tolerance_m
     certificate = certificate._replace(
         evader_arrived=arrived and not certificate.captured,
         time_needed_s=late.meeting_time_s,
         assured_distance_m=assured_m,
         allowance=solution.value - assured_m,
-        vehicle_winner=int(_verdict(solution, certificate, near.margin_s)),
+        vehicle_winner=int(winner),
         vehicle_margin_s=near.margin_s,
     )
     return Certified(solution, course, velocity_m_s, certificate)
-
-
-def _verdict(solution: StateSolution, certificate: Certificate, margin_s: float) -> Winner:
-    """Return the winner of TAD for this vehicle, which has a margin at the target."""
-    if certificate.captured:
-        return Winner.PURSUER
-    if solution.winner == Winner.EVADER:
-        return Winner.EVADER
-    return Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
 
 
 def _course(

@@ -36,7 +36,7 @@ from guidance.messages import (
     Role,
     Setpoint,
 )
-from guidance.vehicle import VehicleState, observe
+from guidance.vehicle import LANDED_ON_GROUND, VehicleState, observe
 
 REMEMBERED_S: Final = 1.5
 """Longest time from sending a setpoint to the autopilot's report of it."""
@@ -241,8 +241,12 @@ class Observed:
                 reaction_s = self._settings.cycle.envelope.reaction_s + late_s
                 envelope = replace(self.cycle.envelope, reaction_s=reaction_s)
                 self.cycle = replace(self.cycle, envelope=envelope)
-        landed_s = self.vehicle.silence_s(messages.LandedState, now_s)
-        self.on_ground = self.vehicle.on_ground and landed_s <= 2.0 * TELEMETRY_LIMIT_S
+        landed = self.vehicle.latest.get(messages.LandedState)
+        self.on_ground = (
+            landed is not None
+            and landed.landed_state == LANDED_ON_GROUND
+            and now_s - landed.received_s <= 2.0 * TELEMETRY_LIMIT_S
+        )
         self.has_flown = self.vehicle.armed and (self.has_flown or not self.on_ground)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         other_home = self.tracking.other_home(self.vehicle)

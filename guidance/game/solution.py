@@ -147,7 +147,21 @@ def _solve(
     with np.errstate(all="ignore"):
         T, observed = (components(named[name]) if name in named else None for name in NAMES[2:])
         play = _play(xp, game, components(like), components(named["evader"]), T, observed)
-        reason = _reason(xp, game, named, play)
+        # The kind of each row's answer, or why it has none.
+        in_pe = "target" not in named
+        reason = _aged(xp, game, play, in_pe=in_pe)
+        numbers = _sum(play, in_pe=in_pe)
+        # A sum over all rows is finite only if every row is: most batches need no more.
+        if xp is not NUMPY or xp.any(
+            _is_sound(game, float(np.add.reduce(numbers, axis=None)), most_squares(named)) == 0
+        ):
+            sound = _is_sound(game, numbers, squares(named))
+            zero = sum(0.0 * part for array in named.values() for part in components(array))
+            reason = xp.select(
+                sound, reason, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE))
+            )
+        if game.varies:
+            reason = refused_rows(xp, game, reason)
         if shape == () and not is_jax_array(like):
             _refuse(int(reason), named)
         answered = reason < int(Reason.NOT_FINITE)
@@ -302,23 +316,6 @@ def _play(
         return play_in_space(xp, game, P, E, T, observed)
     state = take_apart(xp, game, P, E, observed)
     return pursuit(xp, game, state) if T is None else defence(xp, game, state, T[:2])
-
-
-def _reason(xp: Library, game: Game, named: dict[str, Array], play: StateSolution) -> Real:
-    """Return the kind of each row's answer, or why it has none."""
-    in_pe = "target" not in named
-    reason = _aged(xp, game, play, in_pe=in_pe)
-    numbers = _sum(play, in_pe=in_pe)
-    # A sum over all rows is finite only if every row is: most batches need no more.
-    if xp is not NUMPY or xp.any(
-        _is_sound(game, float(np.add.reduce(numbers, axis=None)), most_squares(named)) == 0
-    ):
-        sound = _is_sound(game, numbers, squares(named))
-        zero = sum(0.0 * part for array in named.values() for part in components(array))
-        reason = xp.select(
-            sound, reason, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE))
-        )
-    return refused_rows(xp, game, reason) if game.varies else reason
 
 
 def _sum(play: StateSolution, *, in_pe: bool) -> Real:

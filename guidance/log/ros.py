@@ -177,23 +177,7 @@ class RosFlight:
         self, entry: CycleEntry, wanted: Collection[Topic] = frozenset(TOPICS)
     ) -> Iterator[RosMessage]:
         """Yield the messages of a cycle on the wanted topics that are due."""
-        changed = self._follow(entry)
-        due = []
-        for topic in TOPICS:
-            if topic not in wanted:
-                continue
-            if (topic is DIAGNOSTICS and changed) or self._is_due(
-                topic.name, entry.now_s, topic.every_s
-            ):
-                self._sent_s[topic.name] = entry.now_s
-                due.append(topic)
-        for topic in due:
-            content = _MAKERS[topic](self, entry)
-            if content is not None:
-                yield RosMessage(topic_name(self.name, topic), content)
-
-    def _follow(self, entry: CycleEntry) -> bool:
-        """Update the tracks; return whether the state changed or an alarm came."""
+        # Update the tracks, and note whether the state changed or an alarm came.
         inputs = entry.inputs
         tracking = self._tracking
         if inputs.role is not None:
@@ -213,7 +197,19 @@ class RosFlight:
             self._sent_s["pose"] = entry.now_s
             stamped = _types("geometry_msgs/msg/PoseStamped")
             self._poses.append(stamped(self._header(entry.now_s), pose))
-        return changed
+        due = []
+        for topic in TOPICS:
+            if topic not in wanted:
+                continue
+            if (topic is DIAGNOSTICS and changed) or self._is_due(
+                topic.name, entry.now_s, topic.every_s
+            ):
+                self._sent_s[topic.name] = entry.now_s
+                due.append(topic)
+        for topic in due:
+            content = _MAKERS[topic](self, entry)
+            if content is not None:
+                yield RosMessage(topic_name(self.name, topic), content)
 
     def _is_due(self, name: str, now_s: float, every_s: float) -> bool:
         return now_s - self._sent_s.get(name, -math.inf) >= _EARLY * every_s

@@ -116,27 +116,22 @@ def acts_inside(
                 edge_m = edge_m[~contains(ring.corners_m, edge_m)]
         if len(edge_m):
             return _first_point(edge_m)
-    forbidden = _forbidden(areas, outline_m, one_inclusion_is_enough=one_inclusion_is_enough)
-    return _first_point(outline_m[forbidden]) if forbidden.any() else None
-
-
-def _forbidden(areas: Sequence[Ring], points_m: Points, *, one_inclusion_is_enough: bool) -> _Flags:
-    """Return at which points of our outline the fence acts. A point on the outline of an area is allowed by it."""
+    # At which points of our outline the fence acts. A point on the outline of an area is allowed by it.
     inclusions = [area for area in areas if area.inclusion]
-    outside = np.zeros(len(points_m), dtype=bool)
+    outside = np.zeros(len(outline_m), dtype=bool)
     if inclusions:
         allowed = [
-            contains(area.corners_m, points_m)
-            | (distance_m(area.corners_m, points_m) <= TOLERANCE_M)
+            contains(area.corners_m, outline_m)
+            | (distance_m(area.corners_m, outline_m) <= TOLERANCE_M)
             for area in inclusions
         ]
         combine = np.logical_or if one_inclusion_is_enough else np.logical_and
         outside = ~combine.reduce(allowed)
     for area in areas:
         if not area.inclusion:
-            deep = distance_m(area.corners_m, points_m) > TOLERANCE_M
-            outside |= contains(area.corners_m, points_m) & deep
-    return outside
+            deep = distance_m(area.corners_m, outline_m) > TOLERANCE_M
+            outside |= contains(area.corners_m, outline_m) & deep
+    return _first_point(outline_m[outside]) if outside.any() else None
 
 
 def _inside_ours(ours: Sequence[Sequence[Point]], points_m: Points, depth_m: float) -> _Flags:

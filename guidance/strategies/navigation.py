@@ -82,8 +82,26 @@ def proportional_navigation(
             rate = _rate(xp, game, state, before, gain)
         turn = times3(dt_s, rate)
         if game.pursuer.separate:
-            return _in_the_plane(xp, game, state, before, turn)
-        return _in_space(xp, game, state, before, turn)
+            # Turn the horizontal velocity, and fly to the disc's height.
+            zero = 0.0 * state.z
+            sight = (*state.to_evader, zero)
+            level_before = (before[0], before[1], zero)
+            course = _turned(xp, sight, level_before, turn)
+            to = times2(xp.norm2(state.to_evader), course[:2])
+            from_evader = plus2(to, -1.0, state.to_evader)
+            time_s = guard_time(xp, game, state, from_evader)
+            return fly_to(xp, game, state, to, time_s)
+        # Turn the whole velocity.
+        sight = _sight(xp, game, state)
+        wind = game.wind_m_s
+        course = _turned(xp, sight, before, turn)
+        pace = game.pursuer.ground_pace(xp, course, wind)
+        met = game.pursuer.captured(
+            xp, game.capture_radius_m, state.z, lambda: xp.norm2((sight[0], sight[1]))
+        )
+        ahead = (pace * course[0], pace * course[1])
+        level = xp.select2(met, state.hold, ahead)
+        return *level, xp.select(met, 0.0, pace * course[2])
 
     arguments = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": seen_m_s}
     remembered = {"previous_m_s": memory.velocity_m_s, "turning_rad_s": memory.turning_rad_s}
@@ -125,32 +143,6 @@ def _sight(xp: Library, game: Game, state: Geometry) -> Space:
     e = xp.unit2(state.to_evader, distance)
     reach = xp.maximum(distance - game.standoff.radius_m, 0.0)
     return reach * e[0], reach * e[1], -state.z
-
-
-def _in_space(xp: Library, game: Game, state: Geometry, previous: Space, turn: Space) -> Space:
-    """Turn the whole velocity."""
-    sight = _sight(xp, game, state)
-    wind = game.wind_m_s
-    course = _turned(xp, sight, previous, turn)
-    pace = game.pursuer.ground_pace(xp, course, wind)
-    met = game.pursuer.captured(
-        xp, game.capture_radius_m, state.z, lambda: xp.norm2((sight[0], sight[1]))
-    )
-    ahead = (pace * course[0], pace * course[1])
-    level = xp.select2(met, state.hold, ahead)
-    return *level, xp.select(met, 0.0, pace * course[2])
-
-
-def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, turn: Space) -> Space:
-    """Turn the horizontal velocity, and fly to the disc's height."""
-    zero = 0.0 * state.z
-    sight = (*state.to_evader, zero)
-    level_before = (previous[0], previous[1], zero)
-    course = _turned(xp, sight, level_before, turn)
-    to = times2(xp.norm2(state.to_evader), course[:2])
-    from_evader = plus2(to, -1.0, state.to_evader)
-    time_s = guard_time(xp, game, state, from_evader)
-    return fly_to(xp, game, state, to, time_s)
 
 
 def _turned(xp: Library, sight: Space, previous: Space, turn: Space) -> Space:

@@ -157,7 +157,24 @@ def load_policy(name: str) -> Choose:
     function_name, bracket, listed = name.partition("(")
     choose = _LOADED.get(function_name)
     if choose is None:
-        choose = _function(name, function_name)
+        source, _, function = function_name.rpartition(":")
+        path = Path(source)
+        is_file = source.endswith(".py")
+        if is_file and not path.is_file():
+            raise ConfigError(f"policy = {name!r}: there is no file {path} in {Path.cwd()}")
+        try:
+            module = _run_file(path) if is_file else importlib.import_module(source)
+        except Exception as error:
+            raise ConfigError(
+                f"policy = {name!r}: {source} cannot be imported: {type(error).__name__}: {error}"
+            ) from error
+        choose = getattr(module, function, None)
+        if choose is None or not callable(choose):
+            functions = [key for key, value in vars(module).items() if callable(value)]
+            allowed = ", ".join(key for key in functions if not key.startswith("_"))
+            raise ConfigError(
+                f"policy = {name!r}: {source} has no function {function}; it has: {allowed}"
+            )
     if bracket:
         listed = listed.removesuffix(")")
         try:
@@ -179,28 +196,6 @@ def load_policy(name: str) -> Choose:
             ) from error
         choose = functools.partial(choose, **parameters)
     _LOADED[name] = choose
-    return choose
-
-
-def _function(name: str, function_name: str) -> Choose:
-    source, _, function = function_name.rpartition(":")
-    path = Path(source)
-    is_file = source.endswith(".py")
-    if is_file and not path.is_file():
-        raise ConfigError(f"policy = {name!r}: there is no file {path} in {Path.cwd()}")
-    try:
-        module = _run_file(path) if is_file else importlib.import_module(source)
-    except Exception as error:
-        raise ConfigError(
-            f"policy = {name!r}: {source} cannot be imported: {type(error).__name__}: {error}"
-        ) from error
-    choose: Choose | None = getattr(module, function, None)
-    if choose is None or not callable(choose):
-        functions = [key for key, value in vars(module).items() if callable(value)]
-        allowed = ", ".join(key for key in functions if not key.startswith("_"))
-        raise ConfigError(
-            f"policy = {name!r}: {source} has no function {function}; it has: {allowed}"
-        )
     return choose
 
 

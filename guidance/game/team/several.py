@@ -480,7 +480,13 @@ def _longest_run(
         own_ends = [part[chosen_rows] for part in own_ends]
         reach = reach[chosen_rows]
     runs = _runs_to_ends_and_crossings(regions, own_ends, reach)
-    best = _longest_of(runs)
+    # The longest run; of equally long ones that with the larger y, then the larger x.
+    far = runs.far
+    tied = far >= far.max(axis=-1, keepdims=True) * (1.0 - EQUAL)
+    north = np.where(tied, runs.y, -2.0)
+    northmost = north == north.max(axis=-1, keepdims=True)
+    east = np.where(northmost, runs.x, -2.0)
+    best = np.asarray(east.argmax(axis=-1))
     at = place_of(best)
     run = runs.far[at]
     nearest = runs.nearest[at]
@@ -566,16 +572,6 @@ def _crossings(
     return crossing(both, begin, end, (side * middle_x, side * middle_y))
 
 
-def _longest_of(runs: _Runs) -> Array:
-    """Return the number of the longest run, (...); of equally long ones that with the larger y, then the larger x."""
-    far = runs.far
-    tied = far >= far.max(axis=-1, keepdims=True) * (1.0 - EQUAL)
-    north = np.where(tied, runs.y, -2.0)
-    northmost = north == north.max(axis=-1, keepdims=True)
-    east = np.where(northmost, runs.x, -2.0)
-    return np.asarray(east.argmax(axis=-1))
-
-
 def assembled(
     team: PursuerGames, evader: Array, run: Meeting, best: Meeting, flies: Array
 ) -> TeamSolution:
@@ -633,17 +629,6 @@ def _multipliers(team: PursuerGames, best: Meeting) -> Array:
     If the height of the later of two Cylinders decides, X* is where the evader can be until then.
     """
     best, height = _at_later_height(team, best)
-    first, second = _height_multipliers(team, best, height)
-    every = np.arange(team.own.shape[-1])
-    is_second = every == best.second[..., None]
-    is_first = every == best.first[..., None]
-    multiplier = np.where(is_second, second[..., None], 0.0)
-    multiplier = np.where(is_first, first[..., None], multiplier)
-    return np.where(np.isfinite(multiplier), np.maximum(multiplier, 0.0), 0.0)
-
-
-def _height_multipliers(team: PursuerGames, best: Meeting, height: Array) -> PlaneArrays:
-    """Return the multipliers of the first and the second pursuer of a meeting; `height`: where a height decides it."""
     far = NUMPY.norm2((best.x, best.y))
     run = (best.x / far, best.y / far)
     if team.goal is None:
@@ -658,7 +643,14 @@ def _height_multipliers(team: PursuerGames, best: Meeting, height: Array) -> Pla
     shares = pull_shares(pull, (cost_of_first, cost_of_second))
     single = best.first == best.second
     share = dot2(pull, cost_of_first) / dot2(cost_of_first, cost_of_first)
-    return np.where(single, share, shares[0]), np.where(single, share, shares[1])
+    first = np.where(single, share, shares[0])
+    second = np.where(single, share, shares[1])
+    every = np.arange(team.own.shape[-1])
+    is_second = every == best.second[..., None]
+    is_first = every == best.first[..., None]
+    multiplier = np.where(is_second, second[..., None], 0.0)
+    multiplier = np.where(is_first, first[..., None], multiplier)
+    return np.where(np.isfinite(multiplier), np.maximum(multiplier, 0.0), 0.0)
 
 
 def _at_later_height(team: PursuerGames, best: Meeting) -> tuple[Meeting, Array]:

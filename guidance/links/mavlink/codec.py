@@ -181,29 +181,22 @@ def decode(
     if name.startswith("MISSION_") and fields.mission_type != mavlink.MAV_MISSION_TYPE_FENCE:
         fence = mavlink.MAV_MISSION_TYPE_FENCE
         raise ValueError(f"mission_type {fields.mission_type}: only the fence ({fence}) is read")
-    value = (
-        _parameter(frame, fields, received_s, autopilot)
-        if name == "PARAM_VALUE"
-        else DECODERS[name](fields, received_s)
-    )
+    value: messages.Message
+    if name == "PARAM_VALUE":
+        # PX4 carries integers as bytes in the float, other autopilots as a number.
+        number = fields.param_value
+        kind = fields.param_type
+        if is_bytewise(kind, autopilot=autopilot):
+            # The float would not do: the bytes of a negative integer are a NaN, which loses bits.
+            data = frame.data
+            start = 6 if data[0] == MAGIC_V1 else 10
+            (number,) = struct.unpack("<i", data[start : start + min(4, data[1])].ljust(4, b"\0"))
+        value = messages.Parameter(received_s, fields.param_id, float(number), kind)
+    else:
+        value = DECODERS[name](fields, received_s)
     if not is_plausible(value):
         raise ValueError(f"{value}: implausible")
     return value
-
-
-def _parameter(
-    frame: Frame, fields: Fields, received_s: float, autopilot: int | None
-) -> messages.Message:
-    """PX4 carries integers as bytes in the float, other autopilots as a number."""
-    name = fields.param_id
-    value = fields.param_value
-    kind = fields.param_type
-    if is_bytewise(kind, autopilot=autopilot):
-        # The float would not do: the bytes of a negative integer are a NaN, which loses bits.
-        data = frame.data
-        start = 6 if data[0] == MAGIC_V1 else 10
-        (value,) = struct.unpack("<i", data[start : start + min(4, data[1])].ljust(4, b"\0"))
-    return messages.Parameter(received_s, name, float(value), kind)
 
 
 def is_bytewise(param_type: int, *, autopilot: int | None) -> bool:
