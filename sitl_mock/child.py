@@ -153,7 +153,9 @@ def running(
             ],
         }
         (folder / "fleet.toml").write_text(tomlkit.dumps(tables), encoding="utf-8")
-        (folder / "faults.toml").write_text(tomlkit.dumps(faults or {}), encoding="utf-8")
+        (folder / "faults.toml").write_text(
+            tomlkit.dumps({} if faults is None else faults), encoding="utf-8"
+        )
         for _ in range(1 if port else _ATTEMPTS):
             udp = None
             if "udp" in over:
@@ -187,7 +189,8 @@ def running(
         why = f"it ended with exit code {process.returncode} before it gave an address"
         if line is None:
             why = f"it gave no address within {START_S:g} s; the machine may be too busy"
-        raise error(_last_words(folder / _ERRORS) or why)
+        last_words = _last_words(folder / _ERRORS)
+        raise error(last_words if last_words else why)
 
 
 def end(process: subprocess.Popen[str]) -> None:

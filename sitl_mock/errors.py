@@ -71,7 +71,9 @@ def imported_for(purpose: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        package = _PACKAGES.get(error.name or "", error.name)
+        package = error.name
+        if package in _PACKAGES:
+            package = _PACKAGES[package]
         raise ConfigError(
             f"{purpose}: needs {package}, which is not installed: pip install {package}"
         ) from error

@@ -134,7 +134,8 @@ class MockVehicles:
         from sitl_mock import MockVehicle  # noqa: PLC0415 - as above
         from sitl_mock.faults import Faulted, parse_script  # noqa: PLC0415 - as above
 
-        return Faulted(MockVehicle(flavour, **settings), name, parse_script(faults or {}))
+        script = parse_script({} if faults is None else faults)
+        return Faulted(MockVehicle(flavour, **settings), name, script)
 
 
 @pytest.fixture

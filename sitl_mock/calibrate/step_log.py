@@ -1,5 +1,6 @@
 """Read a log of velocity commands and measured velocities: CSV, or an autopilot's flight log."""
 
+import contextlib
 import csv
 import math
 from collections.abc import Sequence
@@ -130,10 +131,9 @@ def _table(path: Path) -> Sequence[Sequence[float]]:
 
 
 def _number(path: Path, row: int, name: str, cell: str | None) -> float:
-    try:
-        value = float(cell or "")
-    except ValueError:
-        value = math.nan
+    value = math.nan
+    with contextlib.suppress(ValueError):
+        value = math.nan if cell is None else float(cell)
     if not math.isfinite(value):
         msg = f"{path}, row {row}, column {name}: {cell!r} is not a finite number"
         raise ConfigError(msg)

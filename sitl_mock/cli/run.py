@@ -147,10 +147,11 @@ def run(
 
     options = {"ready_after_s": ready_after_s, "noise": noise}
     settings = {key: value for key, value in options.items() if value is not None}
-    specs = vehicles if vehicles is not None else []
+    specs = [] if vehicles is None else vehicles
     changes = param if param is not None else []
     if fleet is None:
-        config = checked_fleet({"vehicle": parse_vehicles(specs or ["1"], flavour)}, "--vehicles")
+        one_or_more = specs if specs else ["1"]
+        config = checked_fleet({"vehicle": parse_vehicles(one_or_more, flavour)}, "--vehicles")
     elif specs:
         raise ConfigError(f"--fleet {fleet} and --vehicles {specs[0]}: give one of them")
     else:

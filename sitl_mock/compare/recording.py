@@ -140,10 +140,11 @@ def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, M
     yaws = (message.yaw for _, message in recording.said if message.get_type() == "ATTITUDE")
     # PX4 sends HIGHRES_IMU only to an onboard computer.
     streams = {message.get_type() for _, message in recording.said}
+    home = _home(recording.said)
     vehicle = MockVehicle(
         recording.flavour,
         system_id=recording.system_id,
-        home=_home(recording.said) or DEFAULT_HOME,
+        home=DEFAULT_HOME if home is None else home,
         yaw_deg=math.degrees(next(yaws, 0.0)),
         seed=seed,
         links={

@@ -48,7 +48,9 @@ _MOTION: Final = (
 def _new_values(message: str, names: tuple[str, ...], sort: str) -> dict[str, float]:
     """Return new values for the named fields whose type can hold one (without names: all but stamps and targets)."""
     fields = frames.payload_fields(SPEC_BY_NAME[message].message_id)
-    chosen = names or tuple(name for name in fields if not name.startswith(_NOT_CONTENT))
+    chosen = names
+    if not names:
+        chosen = tuple(name for name in fields if not name.startswith(_NOT_CONTENT))
     new: dict[str, float] = {}
     for name in chosen:
         field = fields.get(name)

@@ -172,4 +172,5 @@ def _closed(frame: bytes, payload: bytearray, spec: MessageSpec, key: bytes | No
     if not frame[2] & 1:
         return closed
     head = frame[-13:-6]
-    return closed + head + hashlib.sha256((key or b"") + closed + head).digest()[:6]
+    secret = b"" if key is None else key
+    return closed + head + hashlib.sha256(secret + closed + head).digest()[:6]

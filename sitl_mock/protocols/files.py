@@ -236,7 +236,9 @@ class FtpProtocol:
         return content
 
     def _write(self, request: _Request) -> None:
-        before = self._storage.files.get(self._written or "")
+        before = None
+        if self._written is not None:
+            before = self._storage.files.get(self._written)
         if self._written is None or before is None:
             raise _Nak(self._files.unopened)
         end = request.offset + len(request.data)
@@ -297,7 +299,9 @@ class FtpProtocol:
             raise _Nak(self._files.unopened)
         if request.offset >= len(self._open):
             raise _Nak(FtpError.END_OF_FILE)
-        size = min(request.size or DATA, DATA)
+        size = DATA
+        if request.size:
+            size = min(request.size, DATA)
         starts = range(request.offset, len(self._open), size)[:most]
         return [(start, self._open[start : start + size]) for start in starts]
 

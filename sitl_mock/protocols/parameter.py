@@ -141,8 +141,9 @@ class ParameterStore(Mapping[str, float]):
         self.saved: set[str] = set()
         self._renamed = table.renamed
         self._values = dict(table.values)
-        for name, value in (overrides or {}).items():
-            self.set(name, value, check_range=True)
+        if overrides is not None:
+            for name, value in overrides.items():
+                self.set(name, value, check_range=True)
 
     def __getitem__(self, name: str) -> float:
         if name in self._renamed:

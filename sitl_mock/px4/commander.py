@@ -153,12 +153,14 @@ class Px4:
         listed = []
         for mode in AVAILABLE:
             label = labels.get(mode.number)
+            name = mode.name
             properties = mode.properties
             if label is not None:
                 properties &= ~NOT_FOR_USERS
+                name = label if label else mode.name
             elif mode.number in hidden:
                 properties |= NOT_FOR_USERS
-            listed.append(mode._replace(properties=properties, name=label or mode.name))
+            listed.append(mode._replace(properties=properties, name=name))
         return listed
 
     @property

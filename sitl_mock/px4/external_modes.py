@@ -428,7 +428,8 @@ class ExternalModes:
         """Return the place of a mode, the one that it had before, and keep the hash of its name there."""
         wanted = fnv1a(name)
         wanted -= (wanted & 1 << 31) << 1
-        wanted = wanted or 1
+        if wanted == 0:
+            wanted = 1
         hashes = [int(self.parameters[f"COM_MODE{place}_HASH"]) for place in range(len(EXTERNAL))]
         free = [place for place in range(len(EXTERNAL)) if FIRST_STATE + place not in self.modes]
         unused = [place for place in free if hashes[place] == 0]
@@ -439,7 +440,7 @@ class ExternalModes:
             if unused:
                 return unused[0]
             wanted = 0
-        chosen = (unused or free)[0]
+        chosen = unused[0] if unused else free[0]
         self.parameters.set(f"COM_MODE{chosen}_HASH", wanted)
         return chosen
 

@@ -302,6 +302,8 @@ def _custom(main: int, sub: int) -> str | NotAMode:
     if main == _POSCTL_MAIN:
         return "POSITION_SLOW" if sub == _SLOW_SUB else "POSCTL"
     if main == _AUTO_MAIN:
-        mode = BY_NUMBER.get(main << 16 | (sub or _MISSION_SUB) << 24)
+        if sub == 0:
+            sub = _MISSION_SUB
+        mode = BY_NUMBER.get(main << 16 | sub << 24)
         return NotAMode.REFUSED if mode is None else mode.name
     return NotAMode.IGNORED

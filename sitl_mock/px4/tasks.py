@@ -201,7 +201,8 @@ def by_stick(state: VehicleState, plan: ModePlan, dt_s: float, *, slow: bool = F
     if not climb:
         plan.stick_place_m = None
         return Setpoint(Kind.BRAKE, yaw_rate_rad_s=turn)
-    plan.stick_place_m = plan.stick_place_m or state.position_m[:2]
+    if plan.stick_place_m is None:
+        plan.stick_place_m = state.position_m[:2]
     return Setpoint(
         Kind.STREAM,
         Vector((*plan.stick_place_m, math.nan)),

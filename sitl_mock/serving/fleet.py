@@ -323,9 +323,10 @@ def build(
         if each.signing is not None:
             key = bytes.fromhex(each.signing.key_hex)
             signing = Signing(key, require=each.signing.required)
+        system_id = next(free) if each.system_id is None else each.system_id
         vehicles[each.name] = MockVehicle(
             each.flavour,
-            system_id=each.system_id or next(free),
+            system_id=system_id,
             home=config.home,
             start_ned=each.start_ned_m,
             yaw_deg=each.yaw_deg,

@@ -62,7 +62,7 @@ class Px4ZenohEndpoint:
         self.dropped = 0
         self._domains = dict(domains)
         self._endpoint = endpoint
-        self._keys = keys or {}
+        self._keys = {} if keys is None else keys
         self._queue: deque[Arrival] = deque()
         self._wake_from, self._wake_to = socket.socketpair()
         self._wake_from.setblocking(False)

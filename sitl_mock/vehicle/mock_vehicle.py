@@ -75,7 +75,7 @@ class MockVehicle:
             yaw_deg=yaw_deg,
             seed=seed,
             noise=noise,
-            parameters=parameters or {},
+            parameters={} if parameters is None else parameters,
             ready_after_s=ready_after_s,
             texts=texts,
             origin=origin,
