@@ -74,9 +74,7 @@ def test_an_undisturbed_chase_raises_no_alarm_and_keeps_its_promise(autopilot, s
 
 
 @pytest.mark.parametrize("disturb", DISTURBANCES)
-@pytest.mark.parametrize(
-    "speeds_m_s", [SPEEDS_M_S[0], pytest.param(SPEEDS_M_S[1], marks=pytest.mark.long)]
-)
+@pytest.mark.parametrize("speeds_m_s", SPEEDS_M_S)
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_what_breaks_the_promise_of_a_capture_is_said_within_two_seconds(
     autopilot, speeds_m_s, disturb

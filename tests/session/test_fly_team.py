@@ -182,7 +182,7 @@ def test_a_broken_promise_is_told_with_its_cause(history):
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_pairings_of_equal_value_are_flown_without_crossing_and_keep_their_promises(seed):
     """The vehicle that stands by first once took the crossed pairing, and giving way cost the promise."""
     pursuers = [

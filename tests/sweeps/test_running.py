@@ -386,8 +386,8 @@ def die(_plan, _rows):
 @pytest.mark.flight
 def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkeypatch):
     monkeypatch.setattr(running, "made", die)
-    monkeypatch.setattr(running, "DEATHS", 1)
-    with pytest.raises(GuidanceError, match="ended 1 workers"):
+    monkeypatch.setattr(running, "DEATHS", 2)
+    with pytest.raises(GuidanceError, match="ended 2 workers"):
         run(plan_from(), tmp_path / "out", chunk=12, workers=2)
 
 
