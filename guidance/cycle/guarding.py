@@ -18,8 +18,7 @@ above it. There it waits, whatever the evader does.
 
 **Wide targets.** The vehicle flies to the place where its slack decides the margin. If that is at the end of the way,
 its slack there does not fall, however the evader turns: the vehicle's time falls as fast as the clock runs, the
-evader's no faster. The margin may fall meanwhile if another way becomes the worst. So the velocity is the mean of those
-to all places that nearly decide it: a vehicle that turns from one to the other in each cycle loses on both.
+evader's no faster. The margin may fall meanwhile if another way becomes the worst.
 
 **Too high.** An evader that runs at a vehicle above its disc pushes it before itself, because the vehicle keeps out of
 the stand-off. Then it turns. So the vehicle is taken to have been pushed away from each Y for the time that it needs to
@@ -50,9 +49,6 @@ UNSURE: Final = 0.03
 
 _WIDE_UNSURE_S: Final = 0.2
 """The time at a wide target, where a vehicle with the verdict "pursuer" flies so as to keep it."""
-
-_SHARED_S: Final = 0.3
-"""Slack by which the share of a way in the velocity falls by a factor of e."""
 
 _TINY_M: Final = 1e-9
 _SPACING_M: Final = 3.0
@@ -148,12 +144,11 @@ def guard(
         above_s = flies_on_s - reaction_s + _ground_s(race, points_m, above)
         slack_s = float((arrivals_s - np.maximum(np.maximum(rim_s, above_s), level_s)).min())
         unsure_s = UNSURE_S
-        goals_m = np.array([_guarded_point(game, solution, players)])
-        shares = np.ones(1)
+        goal_m = np.array(_guarded_point(game, solution, players))
     else:
         pushed_s = level_s - max(0.0, players.gaps.ground_m) / shown.evader_speed_m_s
         race = race._replace(pushed_s=max(0.0, pushed_s))
-        slack_s, goals_m, shares = _least_slack(race, shown, points_m, level_s, at_rim)
+        slack_s, goal_m = _least_slack(race, shown, points_m, level_s, at_rim)
         unsure_s = _WIDE_UNSURE_S
         stop = at_rim._replace(braking_m_s2=vehicle.envelope.braking_m_s2, short_m=0.0)
     margin_s = min(slack_s, solution.margin_s) - unsure_s - UNSURE * solution.meeting_time_s
@@ -161,8 +156,8 @@ def guard(
         speed_m_s=game.pursuer.horizontal_m_s,
         flies_on_s=_looks_ahead_s(players, vehicle, flies_on_s),
     )
-    velocity_m_s = shares @ _velocities_to(race, goals_m, stop) + race.target_m_s
-    return Guard(Enu((*velocity_m_s.tolist(), solution.pursuer_velocity_m_s[2])), margin_s)
+    east_m_s, north_m_s = (_velocity_to(race, goal_m, stop) + race.target_m_s).tolist()
+    return Guard(Enu((east_m_s, north_m_s, solution.pursuer_velocity_m_s[2])), margin_s)
 
 
 def is_held(game: Game) -> bool:
@@ -189,31 +184,28 @@ def _race(shown: Game, players: Players, vehicle: Capability, flies_on_s: float)
 
 def _least_slack(
     race: _Race, game: Game, points_m: Array, level_s: float, stop: Stop
-) -> tuple[float, Array, Array]:
-    """Return the smallest slack of the ways to points of the target, s.
-
-    With it come the places on the worst ways where the vehicle has most slack, and the shares of these ways.
-    """
+) -> tuple[float, Array]:
+    """Return the smallest slack of the ways to points of the target, s, and the place where the vehicle has it."""
     arrivals_s, runs_m = _arrivals(race, game, points_m)
     runs_m_s = runs_m / np.maximum(arrivals_s, _TINY_M)[:, None]
     at_end_s = arrivals_s - np.maximum(_ground_s(race, points_m, stop, runs_m_s), level_s)
     order = np.argsort(at_end_s, kind="stable")
     worst = order[:_WORST]
     # Close together at the beginning, where the vehicle may capture the evader before it passes by.
-    parts = (np.arange(1, _PLACES + 1) / _PLACES) ** 2
+    shares = (np.arange(1, _PLACES + 1) / _PLACES) ** 2
     age_s = game.information_age_s
-    times_s = np.maximum(0.0, parts * (arrivals_s[worst, None] + age_s) - age_s)
-    places_m = race.evader_m + parts[:, None] * runs_m[worst, None]
+    times_s = np.maximum(0.0, shares * (arrivals_s[worst, None] + age_s) - age_s)
+    places_m = race.evader_m + shares[:, None] * runs_m[worst, None]
     ground_s = _ground_s(race, places_m, stop, runs_m_s[worst, None])
     slack_s = times_s - np.maximum(ground_s, level_s)
     best = slack_s.argmax(axis=1)
     on_way_s = slack_s.max(axis=1)
-    smallest_s = float(on_way_s.min())
-    shares = np.exp((smallest_s - on_way_s) / _SHARED_S)
+    least = int(on_way_s.argmin())
+    smallest_s = float(on_way_s[least])
     if len(order) > _WORST:
         # A way that was left out has at least this slack. So the smaller one of both is continuous, too.
         smallest_s = min(smallest_s, float(at_end_s[order[_WORST]]))
-    return smallest_s, places_m[np.arange(len(best)), best], shares / shares.sum()
+    return smallest_s, places_m[least, best[least]]
 
 
 def _arrivals(race: _Race, game: Game, points_m: Array) -> tuple[Array, Array]:
@@ -302,14 +294,14 @@ def _length(vectors: Array) -> Array:
     return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
 
 
-def _velocities_to(race: _Race, places_m: Array, stop: Stop) -> Array:
-    """Return the velocities to places, slow enough to stop short of them, when the vehicle has flown on for a while."""
+def _velocity_to(race: _Race, place_m: Array, stop: Stop) -> Array:
+    """Return the velocity to a place, slow enough to stop short of it, when the vehicle has flown on for a while."""
     race = race._replace(pursuer_m=race.pursuer_m + race.pursuer_m_s * race.flies_on_s)
-    ways_m = places_m - race.pursuer_m
-    away_m = _length(ways_m)
-    headings = ways_m / np.maximum(away_m, _TINY_M)[..., None]
-    speeds_m_s = np.minimum(_fastest_m_s(race, headings), stop.allowed_m_s(away_m - stop.short_m))
-    return np.asarray(speeds_m_s[..., None] * headings)
+    way_m = place_m - race.pursuer_m
+    away_m = _length(way_m)
+    heading = way_m / max(float(away_m), _TINY_M)
+    speed_m_s = np.minimum(_fastest_m_s(race, heading), stop.allowed_m_s(away_m - stop.short_m))
+    return np.asarray(speed_m_s * heading)
 
 
 def _looks_ahead_s(players: Players, vehicle: Capability, flies_on_s: float) -> float:
