@@ -313,11 +313,11 @@ def observe_speed(
         return SpeedMemory(shown_m_s, memory.share, mean)
     level = abs(mean.down) <= _LEVEL_M_S
     was_level = abs(memory.flown_ned_m_s.down) <= _LEVEL_M_S
-    compared_s, covered_s, began_m_s = 0.0, 0.0, along
-    if memory.compared_s > 0.0 and level == was_level:
-        compared_s, covered_s, began_m_s = memory.compared_s, memory.covered_s, memory.began_m_s
-    compared_s += dt_s
-    covered_s += dt_s * along / asked
+    if memory.compared_s == 0.0 or level != was_level:
+        memory = memory._replace(compared_s=0.0, covered_s=0.0, began_m_s=along)
+    began_m_s = memory.began_m_s
+    compared_s = memory.compared_s + dt_s
+    covered_s = memory.covered_s + dt_s * along / asked
     if not (guided and compared_s >= RESPONSE_S):
         return SpeedMemory(shown_m_s, memory.share, mean, compared_s, covered_s, began_m_s)
     steady = abs(along - began_m_s) < _STEADY_M_S2 * compared_s

@@ -177,7 +177,8 @@ def judge(console: Console, seeds: range) -> bool:
                 verdict = "[green]holds[/green]" if holds else "[red]missed[/red]"
                 limit = f"{wanted:.3f}"
                 if math.isinf(wanted):
-                    limit, verdict = "-", ""
+                    limit = "-"
+                    verdict = ""
                 table.add_row(autopilot, f"{u:g}, {v:g}", what, limit, f"{got:.3f}", verdict)
             table.add_section()
     console.print(table)
