@@ -49,7 +49,8 @@ def hear(sample: zenoh.Sample) -> None:
     topic = str(sample.key_expr).split("/")[3]
     said = last[topic] = read(topic, sample.payload.to_bytes()[4:])
     mode = last.get("register_ext_component_reply")
-    if topic == "vehicle_status" and not mode:
+    if topic == "vehicle_status" and not mode and time.monotonic() > last.get("asked_s", 0.0) + 1.0:
+        last["asked_s"] = time.monotonic()  # two requests would register two modes
         wish = {"register_mode": True, "register_arming_check": True, "px4_ros2_api_version": 1}
         send("register_ext_component_request", name=NAME, **wish)
     elif topic == "arming_check_request" and mode:  # PX4 waits 50 ms for the answer
