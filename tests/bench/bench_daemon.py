@@ -189,7 +189,12 @@ class Topics:
         self.link = LINK
         self.router = zenoh.open(configuration("router", at, connect=False))
         self.asked: dict[int, float] = {}
-        self.check = self.router.declare_subscriber("0/fmu/*/arming_check_$*/**", self.on_check)
+        self.heard = [
+            self.router.declare_subscriber("0/fmu/*/arming_check_$*/**", self.on_check),
+            self.router.declare_subscriber(
+                "0/fmu/in/trajectory_setpoint/**", lambda _sample: watch.on_setpoint()
+            ),
+        ]
         self.endpoint = Px4ZenohEndpoint({"uav1": 0}, at)
 
     def on_check(self, sample: object) -> None:
@@ -201,11 +206,7 @@ class Topics:
             self.watch.answers.append(now_s - self.asked.pop(number))
 
     def receive(self) -> list[bytes]:
-        frames = [arrival.data for arrival in self.endpoint.receive()]
-        for frame in frames:
-            if frame.startswith(b"trajectory_setpoint\0"):
-                self.watch.on_setpoint()
-        return frames
+        return [arrival.data for arrival in self.endpoint.receive()]
 
     def send(self, frames: Sequence[bytes]) -> None:
         for frame in frames:
@@ -215,7 +216,8 @@ class Topics:
 
     def close(self) -> None:
         self.endpoint.close()
-        self.check.undeclare()
+        for subscriber in self.heard:
+            subscriber.undeclare()
         self.router.close()
 
 
