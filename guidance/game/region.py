@@ -102,7 +102,13 @@ def closest_point(
 
 
 def is_missed(
-    xp: Library, game: Game, state: Geometry, ways: tuple[Plane, Plane, Real], selected: Truth
+    xp: Library,
+    game: Game,
+    state: Geometry,
+    ways: tuple[Plane, Plane, Real],
+    selected: Truth,
+    *,
+    falling_s: Real = 0.0,
 ) -> Truth:
     """Return whether the region may have a closer point: its distance has several minima, or is less elsewhere.
 
@@ -113,11 +119,15 @@ def is_missed(
         ways: vectors from the evader to the target's position now and to the point where it could meet its target,
             and the least distance that was found, m.
         selected: which rows to judge; the others have been found.
+        falling_s: time until a Cylinder is at the evader's height. The region has the disc that the evader reaches
+            before; 0 judges the planar part alone.
     """
     if selected is False:
         return False
     target, goal, least = ways
     hunt = hunt_for(xp, game, state, target, goal)
+    if game.pursuer.separate:
+        hunt = hunt._replace(met_s=falling_s, met_m=hunt.radius + hunt.capture + hunt.u * falling_s)
     nothing = least < 0.0
     return (
         in_rows(selected, nothing, lambda hunt, least: _missed(xp, hunt, least), hunt, least)

@@ -94,6 +94,11 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
         unsure = (margin > 0) & (surely_convex(xp, game, state) == 0)
         ends = (to_target, target_race.goal, target_race.edge.distance)
         dented = is_missed(xp, game, state, ends, unsure)
+        if game.pursuer.separate:
+            # The disc may cover the dent
+            falling_s = _falling_s(xp, game, state)
+            ends = (to_target, target_race.goal, edge.distance)
+            dented = is_missed(xp, game, state, ends, dented, falling_s=falling_s)
         reason = xp.select(dented, int(Reason.NO_REGION), reason)
     reason = xp.select(target_race.arrival <= 0, int(Reason.ARRIVED), reason)
     return StateSolution(
@@ -426,7 +431,7 @@ def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
 
 def _widened(xp: Library, game: Game, state: Geometry, to_target: Plane, level: Closest) -> Closest:
     """Add to the planar region the disc that the evader reaches before the pursuer reaches its height."""
-    falling = xp.maximum(game.pursuer.level_time(xp, game.capture_radius_m, state.z), 0.0)
+    falling = _falling_s(xp, game, state)
     adrift = game.target_velocity_m_s
     radius = game.evader_speed_m_s * (falling + game.information_age_s)
     drifted = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
@@ -438,3 +443,8 @@ def _widened(xp: Library, game: Game, state: Geometry, to_target: Plane, level: 
     left = far - radius
     fallen = Closest(run, falling, abs(left))
     return xp.select_all(left < level.distance, fallen, level)
+
+
+def _falling_s(xp: Library, game: Game, state: Geometry) -> Real:
+    """Return the time until a Cylinder is at the evader's height, s."""
+    return xp.maximum(game.pursuer.level_time(xp, game.capture_radius_m, state.z), 0.0)

@@ -360,3 +360,41 @@ def test_tad_has_no_value_where_a_part_of_the_evaders_spread_can_be_captured_now
     answer = solve_state(game, P, E, T)
     assert answer.reason == Reason.NO_REGION
     assert np.isnan(answer.value)
+
+
+@pytest.mark.parametrize(
+    ("game", "P", "E", "T"),
+    [
+        (
+            Game(
+                Cylinder(1.2555, 3.0, 1.5),
+                1.2169,
+                standoff=StandOff(4.8285, 3.0536),
+                information_age_s=2.4401,
+            ),
+            (-20.9115, -5.2769, 14.3013),
+            (-16.5145, -0.5244, 0.0),
+            (-29.6149, -1.7417, 0.0),
+        ),
+        (
+            Game(
+                Cylinder(9.0149, 3.0, 1.5),
+                3.0336,
+                3.6612,
+                StandOff(2.3605, 2.7196),
+                information_age_s=1.066,
+            ),
+            (15.1812, 18.5775, 22.7628),
+            (20.8726, 16.4302, 0.0),
+            (-23.8927, -26.9758, 0.0),
+        ),
+    ],
+)
+def test_tad_has_a_value_where_the_disc_before_the_pursuer_is_level_covers_the_dent(game, P, E, T):
+    answer = solve_state(game, P, E, T)
+    assert answer.reason == Reason.TOO_OLD
+    P, E, T = map(np.array, (P, E, T))
+    assert answer.value == pytest.approx(nearest_end(game, P, E, T), abs=1e-6)
+    # A level pursuer has only the planar region, with its dent
+    level = solve_state(game, (*P[:2], game.standoff.height_m + game.capture_radius_m), E, T)
+    assert level.reason == Reason.NO_REGION
