@@ -119,7 +119,13 @@ class Faulted:
             self._before = self._states()
             self._change(now_s)
         else:
-            for change_s in self._changes(now_s):
+            # Each fault begins and ends at its own time, which may follow from a change before it.
+            while True:
+                coming = [live.end_s if live.acting else live.start_s for live in self._live]
+                next_s = min(coming, default=math.inf)
+                if next_s >= now_s - _SLACK_S:
+                    break
+                change_s = max(next_s, self._now_s)
                 self._advance(change_s, {}, out)
                 self._change(change_s)
         self._advance(now_s, frames_in, out)
@@ -171,8 +177,13 @@ class Faulted:
     def _ask(self, fault: Fault, where: str) -> int:
         number = next(self._numbers)
         random = Random(f"{self.seed}/{self.name}/{number}/{fault.kind}")
+        event = fault.after
+        if event in {"OFFBOARD", "GUIDED"}:
+            event = GUIDED_OF[self.vehicle.flavour]
+        elif event and event not in {*self.vehicle.modes, *STATES}:
+            allowed = ", ".join((*STATES, *self.vehicle.modes))
+            raise ConfigError(f"{where}.after = {event!r}: allowed are {allowed}")
         try:
-            event = self._event(fault.after)
             effect = KINDS[fault.kind].make(
                 EffectInputs(self.vehicle, random, fault.options, fault.messages)
             )
@@ -192,24 +203,6 @@ class Faulted:
         self._requests.append(put)
         self._shown = (*self._shown, _as_shown(live))
         return number
-
-    def _event(self, after: str) -> str:
-        if after in {"OFFBOARD", "GUIDED"}:
-            return GUIDED_OF[self.vehicle.flavour]
-        if after and after not in {*self.vehicle.modes, *STATES}:
-            raise ConfigError(
-                f"after = {after!r}: allowed are {', '.join((*STATES, *self.vehicle.modes))}"
-            )
-        return after
-
-    def _changes(self, until_s: float) -> Iterator[float]:
-        """Yield the times before until_s when faults begin or end, each as it becomes known."""
-        while True:
-            coming = [live.end_s if live.acting else live.start_s for live in self._live]
-            next_s = min(coming, default=math.inf)
-            if next_s >= until_s - _SLACK_S:
-                return
-            yield max(next_s, self._now_s)
 
     def _change(self, now_s: float) -> None:
         """Begin and end the faults that are due."""

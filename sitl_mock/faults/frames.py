@@ -100,9 +100,15 @@ def changed(frame: bytes, changes: Mapping[str, float], key: bytes | None = None
     payload = _payload(frame, spec)
     for name, new in changes.items():
         field = payload_fields(number)[name]
+        value: float = new
+        if field.whole:
+            bits = _RANGE[field.format]
+            value = int(new) & (2**bits - 1)
+            if value > field.most:
+                value -= 2**bits
         for index in range(field.length):
             at = field.at + index * struct.calcsize(field.format)
-            struct.pack_into("<" + field.format, payload, at, _fitting(field, new))
+            struct.pack_into("<" + field.format, payload, at, value)
     return _closed(frame, payload, spec, key)
 
 
@@ -151,14 +157,6 @@ def signed(frame: bytes, signing: Signing, link_id: int = 0) -> bytes:
 def _payload(frame: bytes, spec: MessageSpec) -> bytearray:
     start = _HEADER[frame[0]]
     return bytearray(frame[start : start + frame[1]].ljust(spec.size, b"\0"))
-
-
-def _fitting(found: PayloadField, new: float) -> Any:  # noqa: ANN401 - as the format wants it
-    if not found.whole:
-        return new
-    bits = _RANGE[found.format]
-    wrapped = int(new) & (2**bits - 1)
-    return wrapped - 2**bits if wrapped > found.most else wrapped
 
 
 def _closed(frame: bytes, payload: bytearray, spec: MessageSpec, key: bytes | None) -> bytes:

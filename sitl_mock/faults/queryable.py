@@ -84,16 +84,14 @@ def read_request(parameters: str, payload: bytes | None) -> dict[str, Any]:
         if not isinstance(values, dict):
             raise ConfigError(f"payload = {values!r}: allowed is a JSON object")
         return values
-    pairs = [pair.partition("=") for pair in parameters.split(";") if pair]
-    return {key: _plain(key, value) for key, _, value in pairs}
-
-
-def _plain(key: str, value: str) -> Any:  # noqa: ANN401 - JSON
-    """Read a parameter: JSON if it is valid, a comma-separated list for keys with lists, otherwise text."""
-    try:
-        return json.loads(value)
-    except ValueError:
-        return value.split(",") if key in _LIST_KEYS else value
+    request: dict[str, Any] = {}
+    for pair in filter(None, parameters.split(";")):
+        key, _, text = pair.partition("=")
+        try:
+            request[key] = json.loads(text)
+        except ValueError:
+            request[key] = text.split(",") if key in _LIST_KEYS else text
+    return request
 
 
 def _answerer(faulted: Faulted, key: str) -> Callable[[zenoh.Query], None]:

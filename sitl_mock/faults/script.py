@@ -182,7 +182,14 @@ def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - a
         )
     if kind is None:
         raise ConfigError(f"{where}.kind = {name!r}: allowed are {', '.join(KINDS)}")
-    common = _common_options(kind)
+    # The keys that all kinds share, with the defaults of this kind.
+    common = {**_COMMON, "for_s": Option("seconds", kind.for_s, number(0.0, _FOREVER_S))}
+    if kind.scope is not None:
+        common |= _FRAMES
+        scope = {"direction": kind.scope.direction, "messages": kind.scope.messages}
+        for key, option in _OPEN.items():
+            check = option.check if kind.scope.open else choice()
+            common[key] = Option(option.meaning, scope[key], check)
     unknown = sorted(values.keys() - {"kind"} - common.keys() - kind.options.keys())
     if unknown:
         allowed = ", ".join((*kind.options, *common))
@@ -193,16 +200,3 @@ def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - a
     if "direction" in shared:
         shared["direction"] = Direction(shared["direction"])
     return Fault(str(name), filled(values, kind.options, where), **shared)
-
-
-def _common_options(kind: FaultKind) -> dict[str, Option]:
-    """Return the keys that all kinds share, with the defaults of this kind."""
-    options = {**_COMMON, "for_s": Option("seconds", kind.for_s, number(0.0, _FOREVER_S))}
-    if kind.scope is None:
-        return options
-    options |= _FRAMES
-    scope = {"direction": kind.scope.direction, "messages": kind.scope.messages}
-    for name, option in _OPEN.items():
-        check = option.check if kind.scope.open else choice()
-        options[name] = Option(option.meaning, scope[name], check)
-    return options

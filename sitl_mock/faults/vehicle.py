@@ -58,15 +58,6 @@ def _radio(inputs: EffectInputs, effect: Effect) -> Effect:
     return effect
 
 
-def _rc_loss(inputs: EffectInputs) -> Effect:
-    vehicle = inputs.vehicle
-    effect = Effect(
-        begin=lambda _now_s: vehicle.inject("rc", value=False),
-        end=lambda _now_s: vehicle.inject("rc", value=True),
-    )
-    return _radio(inputs, effect)
-
-
 def _eph(inputs: EffectInputs) -> Effect:
     vehicle = inputs.vehicle
     options = inputs.options
@@ -158,7 +149,17 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             {"roll": _STICK, "pitch": _STICK, "throttle": _STICK, "yaw": _STICK},
             for_s=1.0,
         ),
-        "rc_loss": FaultKind(Group.FLIGHT, "the radio, present from the start, is lost", _rc_loss),
+        "rc_loss": FaultKind(
+            Group.FLIGHT,
+            "the radio, present from the start, is lost",
+            lambda inputs: _radio(
+                inputs,
+                Effect(
+                    begin=lambda _now_s: inputs.vehicle.inject("rc", value=False),
+                    end=lambda _now_s: inputs.vehicle.inject("rc", value=True),
+                ),
+            ),
+        ),
         "gcs_loss": _flight("ground stations are not heard", "gcs_lost"),
         "arm_refused": _valued(
             "arming is refused with a text",
