@@ -166,35 +166,30 @@ class ArduPilot:
         if mode == self.mode:
             return True
         self._look()
-        objection = self._against(mode)
+        state = self.state
+        missing = self.by_name[mode].needs - self.met_needs
+        objection = ""
+        if mode == "GUIDED" and state.conditions.offboard_refused:
+            objection = "init failed"
+        elif not state.armed and self.firmware.flies:
+            objection = ""  # whatever is missing
+        elif missing & {Need.LOCAL_POSITION, Need.GLOBAL_POSITION}:
+            objection = "requires position"
+        elif missing:
+            objection = "init failed"
+        elif (
+            mode == "AUTO"
+            and self.firmware.flies
+            and state.on_ground
+            and not self.mission.takes_off
+        ):
+            state.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
+            objection = "init failed"
         if objection:
-            self.state.say(Severity.WARNING, f"Mode change to {mode} failed: {objection}")
+            state.say(Severity.WARNING, f"Mode change to {mode} failed: {objection}")
             return False
         self.enter(mode)
         return True
-
-    def _against(self, mode: str) -> str:
-        """Reason for not entering a mode, empty if it can be entered."""
-        missing = self.by_name[mode].needs - self.met_needs
-        if mode == "GUIDED" and self.state.conditions.offboard_refused:
-            return "init failed"
-        if not self.state.armed and self.firmware.flies:
-            return ""
-        if missing:
-            return (
-                "requires position"
-                if missing & {Need.LOCAL_POSITION, Need.GLOBAL_POSITION}
-                else "init failed"
-            )
-        if (
-            mode == "AUTO"
-            and self.firmware.flies
-            and self.state.on_ground
-            and not self.mission.takes_off
-        ):
-            self.state.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
-            return "init failed"
-        return ""
 
     def enter(self, mode: str) -> None:
         """Begin a mode."""

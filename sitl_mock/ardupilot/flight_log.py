@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final, cast
 from sitl_mock.dynamics import Kind as SetpointKind
 from sitl_mock.logs.dataflash import FMT, RecordKind
 from sitl_mock.logs.parameters import LoggedParameters
-from sitl_mock.vector import Vector
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -266,20 +265,16 @@ def _receiver(report: Report) -> bytes:
 def _target(report: Report) -> bytes:
     """The streamed target in centimetres, up positive, as ArduCopter logs it; axes that are left free are 0."""
     setpoint = report.setpoint
-    vectors = (
+    placed = not math.isnan(setpoint.position_ned_m[0])
+    kind = _POSITION_TARGET if placed else _VELOCITY_TARGET
+    columns = []
+    for north, east, down in (
         setpoint.position_ned_m,
         setpoint.velocity_ned_m_s,
         setpoint.acceleration_ned_m_s2,
-    )
-    place, speed, push = (_centimetres_up(vector) for vector in vectors)
-    placed = not math.isnan(setpoint.position_ned_m[0])
-    kind = _POSITION_TARGET if placed else _VELOCITY_TARGET
-    return GUIP.pack(report.boot_us, kind, *place, 0, *speed, *push)
-
-
-def _centimetres_up(vector: Vector) -> Vector:
-    north, east, down = vector
-    return Vector((_or(north, 0.0) * 100.0, _or(east, 0.0) * 100.0, _or(-down, 0.0) * 100.0))
+    ):
+        columns += [_or(north, 0.0) * 100.0, _or(east, 0.0) * 100.0, _or(-down, 0.0) * 100.0]
+    return GUIP.pack(report.boot_us, kind, *columns[:3], 0, *columns[3:])
 
 
 def _or(value: float, otherwise: float) -> float:

@@ -140,27 +140,35 @@ def failing(state: VehicleState, plans: PlanStore, mode: Mode) -> list[str]:
     reasons = []
     if state.conditions.arm_refused:
         reasons.append(state.conditions.arm_refused)
-    reasons += _position_objections(state, mode)
-    reasons += fence.objections(state, plans)
-    if state.battery.remaining < _LOW_CELL_SHARE and int(state.parameters["BATT_FS_LOW_ACT"]):
-        reasons.append("Battery 1 low voltage failsafe")
-    return [*reasons, *_bad_parameters(state.parameters)]
-
-
-def _position_objections(state: VehicleState, mode: Mode) -> Iterator[str]:
-    """Yield the text for a missing position; a flight without one is possible if neither mode nor fence needs it.
-
-    Measured on ArduCopter 4.5.7 in STABILIZE, ALT_HOLD and GUIDED before its home was set, and with its GPS off.
-    """
+    # A flight without a position is possible if neither mode nor fence needs one. Measured on ArduCopter 4.5.7 in
+    # STABILIZE, ALT_HOLD and GUIDED before its home was set, and with its GPS off.
     by_mode = bool(mode.needs & {Need.LOCAL_POSITION, Need.GLOBAL_POSITION})
     by_fence = fence.needs_position(state)
     has_home = state.home_m is not None
-    if has_home and not (by_mode or by_fence):
-        return
-    if has_home and state.conditions.gps_lost:
-        yield "GPS 1: Bad fix"
-    elif not state.estimator.position_valid:
-        yield "AHRS: waiting for home" if by_fence and not by_mode else "Need Position Estimate"
+    if by_mode or by_fence or not has_home:
+        if has_home and state.conditions.gps_lost:
+            reasons.append("GPS 1: Bad fix")
+        elif not state.estimator.position_valid:
+            home_only = by_fence and not by_mode
+            reasons.append("AHRS: waiting for home" if home_only else "Need Position Estimate")
+    reasons += fence.objections(state, plans)
+    parameters = state.parameters
+    if state.battery.remaining < _LOW_CELL_SHARE and int(parameters["BATT_FS_LOW_ACT"]):
+        reasons.append("Battery 1 low voltage failsafe")
+    # The first parameter that ArduCopter's checks refuse.
+    if _checks_parameters(parameters):
+        least_us = _PULSE_NONE_US
+        most_us = parameters["RC3_MIN"] - _PULSE_MARGIN_US
+        watches_throttle = bool(int(parameters["FS_THR_ENABLE"]))
+        if watches_throttle and not least_us <= parameters["FS_THR_VALUE"] < most_us:
+            reasons.append("Check FS_THR_VALUE")
+        elif not _LEAST_LEAN_CDEG <= parameters["ANGLE_MAX"] <= _MOST_LEAN_CDEG:
+            reasons.append("Check ANGLE_MAX")
+        elif any(parameters[balance] > parameters[gain] for balance, gain in _ACRO_BALANCES):
+            reasons.append("Check ACRO_BAL_ROLL/PITCH")
+        elif parameters["PILOT_SPEED_UP"] <= 0:
+            reasons.append("Check PILOT_SPEED_UP")
+    return reasons
 
 
 def _checks_parameters(parameters: Mapping[str, float]) -> bool:
@@ -177,22 +185,6 @@ def warnings(parameters: Mapping[str, float]) -> list[str]:
     if removed:
         return ["FS_GCS_ENABLE=2 removed, see FS_OPTIONS"]
     return []
-
-
-def _bad_parameters(parameters: Mapping[str, float]) -> Iterator[str]:
-    """Yield the first parameter that ArduCopter's checks refuse."""
-    if not _checks_parameters(parameters):
-        return
-    least_us = _PULSE_NONE_US
-    most_us = parameters["RC3_MIN"] - _PULSE_MARGIN_US
-    if int(parameters["FS_THR_ENABLE"]) and not least_us <= parameters["FS_THR_VALUE"] < most_us:
-        yield "Check FS_THR_VALUE"
-    elif not _LEAST_LEAN_CDEG <= parameters["ANGLE_MAX"] <= _MOST_LEAN_CDEG:
-        yield "Check ANGLE_MAX"
-    elif any(parameters[balance] > parameters[gain] for balance, gain in _ACRO_BALANCES):
-        yield "Check ACRO_BAL_ROLL/PITCH"
-    elif parameters["PILOT_SPEED_UP"] <= 0:
-        yield "Check PILOT_SPEED_UP"
 
 
 def wrong(state: VehicleState, plans: PlanStore, *, flies: bool) -> Iterator[tuple[str, str]]:
