@@ -285,19 +285,15 @@ def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int
                 f"{', '.join(flavours)}: their UDP ports would clash; start them as two fleets"
             )
         with contextlib.ExitStack() as held:
-            if all(_hold(port, held) for port in ports):
+            for port in ports:
+                holder = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+                try:
+                    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                        probe.bind(("127.0.0.1", port))
+                    holder.bind(("127.0.0.1", port))
+                except OSError:  # another fleet has it, or its UDP port is not free
+                    break
+            else:
                 stack.push(held.pop_all())
                 return start
     raise TransportError(f"no free UDP ports from {_FIRST_PORT} to {_LAST_PORT} on 127.0.0.1")
-
-
-def _hold(port: int, stack: contextlib.ExitStack) -> bool:
-    """Hold a TCP port until the stack is closed; False if another fleet has it, or its UDP port is not free."""
-    holder = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
-    try:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", port))
-        holder.bind(("127.0.0.1", port))
-    except OSError:
-        return False
-    return True

@@ -148,8 +148,26 @@ def fly_log(log: StepLog, flavour: FlavourName) -> Samples:
     down_m = log.position_ned_m[:, 2]
     north, east, down = log.velocity_ned_m_s[0].tolist()
     height_m = float(down_m.max() - down_m[0]) + max(down, 0.0) * _RUN_UP_S + _ROOM_M
-    climb = _climb_px4 if flavour is FlavourName.PX4 else _climb_arducopter
-    climb(client, height_m)
+    if flavour is FlavourName.PX4:
+        up = (0.0, 0.0, -3.0)
+        top_down_m = -height_m
+        for _ in range(50):
+            client.step(up)
+        client.step(up, (_SET_MODE, 1, 6))
+        client.step(up, (_ARM, 1))
+    else:
+        up = None
+        top_down_m = 1.0 - height_m
+        client.step(up, (_SET_MESSAGE_INTERVAL, _REQUEST_OF, 33_333))
+        client.step(up, (_SET_MODE, 1, 4))
+        client.step(up, (_ARM, 1))
+        client.step(up, (_TAKE_OFF, 0, 0, 0, 0, 0, 0, height_m))
+    while client.down_m > top_down_m:
+        client.step(up)
+        if client.now_s > CLIMB_S:
+            vehicle = client.vehicle
+            msg = f"the mock did not take off: mode {vehicle.mode}, armed {vehicle.armed}"
+            raise MockError(msg)
     for _ in range(round(_SETTLE_S / _STEP_S)):
         client.step((0.0, 0.0, 0.0))
     for _ in range(round(_RUN_UP_S / _STEP_S)):
@@ -167,30 +185,3 @@ def fly_log(log: StepLog, flavour: FlavourName) -> Samples:
     return np.stack(
         [np.interp(log.time_s, since_s, samples[:, 1 + axis]) for axis in range(3)], axis=1
     )
-
-
-def _climb_px4(client: _Client, height_m: float) -> None:
-    up = (0.0, 0.0, -3.0)
-    for _ in range(50):
-        client.step(up)
-    client.step(up, (_SET_MODE, 1, 6))
-    client.step(up, (_ARM, 1))
-    while client.down_m > -height_m:
-        client.step(up)
-        _judge(client)
-
-
-def _climb_arducopter(client: _Client, height_m: float) -> None:
-    client.step(None, (_SET_MESSAGE_INTERVAL, _REQUEST_OF, 33_333))
-    client.step(None, (_SET_MODE, 1, 4))
-    client.step(None, (_ARM, 1))
-    client.step(None, (_TAKE_OFF, 0, 0, 0, 0, 0, 0, height_m))
-    while client.down_m > 1.0 - height_m:
-        client.step(None)
-        _judge(client)
-
-
-def _judge(client: _Client) -> None:
-    if client.now_s > CLIMB_S:
-        msg = f"the mock did not take off: mode {client.vehicle.mode}, armed {client.vehicle.armed}"
-        raise MockError(msg)

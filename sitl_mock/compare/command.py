@@ -9,7 +9,6 @@ from rich.table import Table
 
 from sitl_mock.compare.behaviour import (
     Behaviour,
-    MessageDifference,
     behaviour_of,
     differences,
     span,
@@ -81,7 +80,14 @@ def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
         console.print(table)
         if ranges:
             console.print(_ranges(recorded, mock))
-        console.print(_differences(departures) if departures else "No difference.")
+        if departures:
+            columns = ("what", "message", "field", "recorded", "mock")
+            table = Table(*columns, title=f"{len(departures)} differences")
+            for departure in departures:
+                table.add_row(*departure)
+            console.print(table)
+        else:
+            console.print("No difference.")
     return 1 if departures else 0
 
 
@@ -96,13 +102,4 @@ def _ranges(recorded: Behaviour, mock: Behaviour) -> Table:
                 table.add_row(
                     name, label, phase, span(values), "-" if other is None else span(other)
                 )
-    return table
-
-
-def _differences(found: list[MessageDifference]) -> Table:
-    table = Table(title=f"{len(found)} differences")
-    for column in ("what", "message", "field", "recorded", "mock"):
-        table.add_column(column)
-    for difference in found:
-        table.add_row(*difference)
     return table

@@ -153,7 +153,16 @@ def steady_times(frames: Sequence[TimedFrame], ids: tuple[int, int]) -> tuple[li
         frames: In the order of the file.
         ids: System and component id of the vehicle, whose `time_boot_ms` judges long silences.
     """
-    clocks_s = _vehicle_clock(frames, ids)
+    # The vehicle's clock at every frame, of the next message that has it; 0 behind the last one.
+    clocks_s = [0.0] * len(frames)
+    own_clock_s = 0.0
+    for index in reversed(range(len(frames))):
+        message = frames[index].message
+        boot_ms = getattr(message, "time_boot_ms", None)
+        from_vehicle = (message.get_srcSystem(), message.get_srcComponent()) == ids
+        if from_vehicle and boot_ms is not None:
+            own_clock_s = boot_ms * 1e-3
+        clocks_s[index] = own_clock_s
     times_s = [0.0]
     steps = 0
     for before, after, clock_s, next_clock_s in zip(
@@ -167,17 +176,3 @@ def steady_times(frames: Sequence[TimedFrame], ids: tuple[int, int]) -> tuple[li
                 passed_s = own_s if 0.0 <= own_s <= LONGEST_GAP_S else 0.0
         times_s.append(times_s[-1] + max(passed_s, 0.0))
     return times_s, steps
-
-
-def _vehicle_clock(frames: Sequence[TimedFrame], ids: tuple[int, int]) -> list[float]:
-    """The vehicle's clock (s) at every frame, of the next message that has it; 0 behind the last one."""
-    clocks_s = [0.0] * len(frames)
-    clock_s = 0.0
-    for index in reversed(range(len(frames))):
-        message = frames[index].message
-        boot_ms = getattr(message, "time_boot_ms", None)
-        from_vehicle = (message.get_srcSystem(), message.get_srcComponent()) == ids
-        if from_vehicle and boot_ms is not None:
-            clock_s = boot_ms * 1e-3
-        clocks_s[index] = clock_s
-    return clocks_s
