@@ -7,6 +7,7 @@ describe the kinds; letters of a format tell types, and some of them a scale (``
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -136,22 +137,16 @@ def _records(content: bytes) -> Iterator[tuple[RecordKind, tuple[Any, ...]]]:
             return
         values = kind.unpack(content, at)
         if kind is FMT:
-            described = _described(values)
-            if described is not None:
-                kinds[values[0]] = described
+            # The kind that the record describes; not FMT itself, nor what no record can be.
+            number, _, name, letters, columns = values
+            text = letters.rstrip(b"\0").decode(errors="replace")
+            names = columns.rstrip(b"\0").decode(errors="replace")
+            is_alike = set(text) <= _LETTERS.keys() and len(names.split(",")) == len(text)
+            if number != _FMT and is_alike:
+                # One longer than the 255 bytes that a FMT record can name cannot be made.
+                with contextlib.suppress(struct.error):
+                    title = name.rstrip(b"\0").decode(errors="replace")
+                    kinds[number] = RecordKind(number, title, text, names)
         else:
             yield kind, values
         at += kind.size
-
-
-def _described(values: tuple[Any, ...]) -> RecordKind | None:
-    """Return the kind that a FMT record describes; None for FMT itself and for what no record can be."""
-    number, _, name, letters, columns = values
-    text = letters.rstrip(b"\0").decode(errors="replace")
-    names = columns.rstrip(b"\0").decode(errors="replace")
-    if number == _FMT or not set(text) <= _LETTERS.keys() or len(names.split(",")) != len(text):
-        return None
-    try:
-        return RecordKind(number, name.rstrip(b"\0").decode(errors="replace"), text, names)
-    except struct.error:  # longer than the 255 bytes that a FMT record can name
-        return None

@@ -112,18 +112,17 @@ def _unpacker(
 
     def unpack_nested(payload: bytes) -> Sequence[Any]:
         flat = unpack(payload)
-        return [
-            list(flat[part]) if isinstance(part, slice) else _as_text(flat[part]) for part in plan
-        ]
+        values: list[Any] = []
+        for part in plan:
+            value = flat[part]
+            if isinstance(part, slice):
+                value = list(value)
+            elif isinstance(value, bytes):  # a text up to its first zero byte
+                value = value.split(b"\0", 1)[0].decode("ascii", errors="replace")
+            values.append(value)
+        return values
 
     return unpack_nested
-
-
-def _as_text(value: FieldValue) -> FieldValue:
-    """Return a text up to its first zero byte, and any number as it is."""
-    if not isinstance(value, bytes):
-        return value
-    return value.split(b"\0", 1)[0].decode("ascii", errors="replace")
 
 
 def _spec(definition: Definition) -> MessageSpec:

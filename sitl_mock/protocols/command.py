@@ -136,8 +136,16 @@ class CommandProtocol:
             return []
         key = (command.source, command.number)
         tracked = self._tracked.get(key)
-        if tracked is not None and _is_resend(now_s, command, tracked):
-            return [_ack(command.number, answer, command.source) for answer in tracked.sent[-1:]]
+        if tracked is not None:
+            same = all(
+                a == b or (math.isnan(a) and math.isnan(b))
+                for a, b in zip(command.params, tracked.params, strict=True)
+            )
+            counted = command.confirmation > 0 and now_s - tracked.at_s <= RESEND_WINDOW_S
+            # A command that is sent again is not executed again.
+            if same and (tracked.pending or counted):
+                sent = tracked.sent[-1:]
+                return [_ack(command.number, answer, command.source) for answer in sent]
         answers = self._execute(now_s, command)
         if key not in self._tracked and len(self._tracked) >= MAX_TRACKED:
             del self._tracked[next(iter(self._tracked))]
@@ -205,17 +213,6 @@ def coordinate(value: int, frame: int) -> float:
     if frame == MISSION_FRAME:
         return float(value)
     return value / (1e7 if frame in GLOBAL_FRAMES else 1e4)
-
-
-def _is_resend(now_s: float, command: Command, known: _Tracked) -> bool:
-    same = all(
-        a == b or (math.isnan(a) and math.isnan(b))
-        for a, b in zip(command.params, known.params, strict=True)
-    )
-    if not same:
-        return False
-    counted = command.confirmation > 0 and now_s - known.at_s <= RESEND_WINDOW_S
-    return bool(known.pending) or counted
 
 
 def _ack(number: int, answer: CommandAnswer, source: tuple[int, int]) -> Reply:

@@ -175,8 +175,14 @@ class FtpProtocol:
                 self._open = content = self._content(request)
                 return [(0, struct.pack("<I", len(content)))]
             case Opcode.READ_FILE | Opcode.BURST_READ_FILE:
+                if self._open is None:
+                    raise _Nak(self._files.unopened)
+                if request.offset >= len(self._open):
+                    raise _Nak(FtpError.END_OF_FILE)
+                size = min(request.size, DATA) if request.size else DATA
                 most = 1 if request.opcode == Opcode.READ_FILE else BURST
-                return self._read(request, most)
+                starts = range(request.offset, len(self._open), size)[:most]
+                return [(start, self._open[start : start + size]) for start in starts]
             case Opcode.CALC_FILE_CRC32:
                 crc = file_crc(self._content(request))
                 return [(0, struct.pack("<I", crc))]
@@ -293,17 +299,6 @@ class FtpProtocol:
         if self._files.content(path) is None:
             raise _Nak(FtpError.FILE_NOT_FOUND)
         raise _Nak(FtpError.FILE_PROTECTED)
-
-    def _read(self, request: _Request, most: int) -> list[tuple[int, bytes]]:
-        if self._open is None:
-            raise _Nak(self._files.unopened)
-        if request.offset >= len(self._open):
-            raise _Nak(FtpError.END_OF_FILE)
-        size = DATA
-        if request.size:
-            size = min(request.size, DATA)
-        starts = range(request.offset, len(self._open), size)[:most]
-        return [(start, self._open[start : start + size]) for start in starts]
 
 
 def _reply(

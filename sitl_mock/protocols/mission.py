@@ -82,7 +82,15 @@ class MissionProtocol:
                 self._upload.cancel(message)
                 self._downloaded_s = -math.inf
             case "MISSION_REQUEST_LIST":
-                replies = self._count(now_s, message)
+                partner = source_of(message)
+                kind = message.mission_type
+                if kind in PLAN_KINDS:
+                    count = len(self._plans.plans[PlanKind(kind)].items)
+                    if count:
+                        self._downloaded_s = now_s
+                    replies = [("MISSION_COUNT", *partner, count, kind)]
+                else:
+                    replies = [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
             case "MISSION_REQUEST_INT" | "MISSION_REQUEST":
                 replies = self._item(now_s, message)
             case "MISSION_CLEAR_ALL":
@@ -123,16 +131,6 @@ class MissionProtocol:
         obeyed = self._guide(now_s, read_item(message))
         result = MissionResult.ACCEPTED if obeyed else MissionResult.ERROR
         return [acknowledge(source_of(message), result, PlanKind.MISSION)]
-
-    def _count(self, now_s: float, message: Message) -> list[Reply]:
-        partner = source_of(message)
-        kind = message.mission_type
-        if kind not in PLAN_KINDS:
-            return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
-        count = len(self._plans.plans[PlanKind(kind)].items)
-        if count:
-            self._downloaded_s = now_s
-        return [("MISSION_COUNT", *partner, count, kind)]
 
     def _item(self, now_s: float, message: Message) -> list[Reply]:
         partner = source_of(message)

@@ -295,7 +295,18 @@ def read_item(message: Message) -> PlanItem:
     x = message.x
     y = message.y
     if message.get_type() == "MISSION_ITEM":
-        x, y = (_scaled(value, message.frame) for value in (x, y))
+        if message.frame == MISSION_FRAME:
+            scale = 1.0
+        elif message.frame in GLOBAL_FRAMES:
+            scale = 1e7
+        else:
+            scale = 1e4
+        x, y = (
+            INT32_NAN
+            if math.isnan(value)
+            else round(min(max(value * scale, -(2.0**31)), 2.0**31 - 2))
+            for value in (x, y)
+        )
     return PlanItem(
         message.seq,
         message.frame,
@@ -310,10 +321,3 @@ def read_item(message: Message) -> PlanItem:
         y,
         message.z,
     )
-
-
-def _scaled(value: float, frame: int) -> int:
-    if math.isnan(value):
-        return INT32_NAN
-    scale = 1.0 if frame == MISSION_FRAME else 1e7 if frame in GLOBAL_FRAMES else 1e4
-    return round(min(max(value * scale, -(2.0**31)), 2.0**31 - 2))
