@@ -55,8 +55,18 @@ class Px4FlightLog:
     def tick(self, report: Report) -> None:
         """Write what is due; called every 20 ms."""
         state = report.state
+        # The log begins or ends at the boot, at arming and at disarming.
         if self._step == 0 or state.armed != self._armed:
-            self._decide(report)
+            self._armed = state.armed
+            if not is_logged(state):
+                self._book.end()
+            elif self._book.running is None:
+                head = b"".join(self.head(report))
+                # The date and time, or the next free second.
+                began = datetime.fromtimestamp(report.unix_us * 1e-6, UTC)
+                while (path := f"/log/{began:%Y-%m-%d}/{began:%H_%M_%S}.ulg") in self._book.files:
+                    began += timedelta(seconds=1)
+                self._book.begin(path, report.unix_us * 1e-6, head)
         if state.now_s < self._next_s - 1e-9:
             return
         self._next_s = max(self._next_s + _STEP_S, state.now_s)
@@ -107,19 +117,6 @@ class Px4FlightLog:
             *(_parameter(report, name) for name in state.parameters.names),
             *(ulog.subscription(source.topic) for source in LOGGED.values()),
         ]
-
-    def _decide(self, report: Report) -> None:
-        """Begin or end the log at the boot, at arming and at disarming."""
-        self._armed = report.state.armed
-        if not is_logged(report.state):
-            self._book.end()
-        elif self._book.running is None:
-            head = b"".join(self.head(report))
-            # The date and time, or the next free second.
-            began = datetime.fromtimestamp(report.unix_us * 1e-6, UTC)
-            while (path := f"/log/{began:%Y-%m-%d}/{began:%H_%M_%S}.ulg") in self._book.files:
-                began += timedelta(seconds=1)
-            self._book.begin(path, report.unix_us * 1e-6, head)
 
     def _write(self, report: Report, messages: Sequence[bytes]) -> None:
         self._book.add(report.unix_us * 1e-6, b"".join(messages))

@@ -117,7 +117,19 @@ class Orbit:
         self._around_m_s += min(max(self.speed_m_s - self._around_m_s, -step), step)
         outward = self.radius_m - away_m
         inward_m_s2 = self._around_m_s**2 / self.radius_m
-        yaw, rate = self._heading(n, e)
+        # The heading and its rate.
+        rate = self._around_m_s / self.radius_m
+        if self.facing is Facing.INITIAL:
+            yaw = self.initial_yaw_rad
+            rate = math.nan
+        elif self.facing is Facing.TANGENT:
+            sign = math.copysign(1.0, self.speed_m_s)
+            yaw = math.atan2(sign * n, -sign * e)
+        elif self.facing is Facing.CENTRE:
+            yaw = math.atan2(-e, -n)
+        else:
+            yaw = math.nan
+            rate = 0.0
         return Setpoint(
             Kind.STREAM,
             Vector((math.nan, math.nan, self.centre_m[2])),
@@ -138,18 +150,6 @@ class Orbit:
         off_m = abs(self._from_centre(state)[2] - self.radius_m)
         high_m = abs(state.position_m[2] - self.centre_m[2])
         return off_m < _ON_CIRCLE_M and high_m < float(state.parameters["NAV_MC_ALT_RAD"])
-
-    def _heading(self, n: float, e: float) -> tuple[float, float]:
-        """Heading and its rate in the direction n, e (unit vector) from the centre."""
-        around_rad_s = self._around_m_s / self.radius_m
-        if self.facing is Facing.INITIAL:
-            return self.initial_yaw_rad, math.nan
-        if self.facing is Facing.TANGENT:
-            sign = math.copysign(1.0, self.speed_m_s)
-            return math.atan2(sign * n, -sign * e), around_rad_s
-        if self.facing is Facing.CENTRE:
-            return math.atan2(-e, -n), around_rad_s
-        return math.nan, 0.0
 
 
 _STALE_S: Final = 3.0

@@ -159,8 +159,16 @@ class Failsafes:
                     new.append(name)
             elif name in self.since_s and not trigger.sticky:
                 del self.since_s[name]
-            if name in self.since_s:
-                worst = max(worst, self._action(trigger, now_s, parameters))
+            if name not in self.since_s:
+                continue
+            choice = int(parameters[trigger.parameter]) if trigger.parameter else 0
+            action = trigger.actions.get(choice, Action.WARN)
+            if trigger.deferred and action > Action.HOLD:
+                self._delayed_s = min(self._delayed_s, now_s)
+                if now_s - self._delayed_s < parameters["COM_FAIL_ACT_T"]:
+                    self.delays = True
+                    action = Action.HOLD
+            worst = max(worst, action)
         return worst, tuple(new)
 
     def answer(self) -> None:
@@ -172,19 +180,6 @@ class Failsafes:
         """Disarmed: forget all triggers."""
         self.since_s.clear()
         self.overridden.clear()
-
-    def _action(
-        self, trigger: Trigger, now_s: float, parameters: Mapping[str, int | float]
-    ) -> Action:
-        choice = int(parameters[trigger.parameter]) if trigger.parameter else 0
-        action = trigger.actions.get(choice, Action.WARN)
-        if not trigger.deferred or action <= Action.HOLD:
-            return action
-        self._delayed_s = min(self._delayed_s, now_s)
-        if now_s - self._delayed_s >= parameters["COM_FAIL_ACT_T"]:
-            return action
-        self.delays = True
-        return Action.HOLD
 
 
 EXCEPTION_BITS: Final = {"MISSION": 1, "HOLD": 2, "TAKEOFF": 2, "OFFBOARD": 4}
