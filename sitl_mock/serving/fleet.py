@@ -191,17 +191,15 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
             )
         vehicle: dict[str, object] = {"name": name, "flavour": kind}
         if start:
-            vehicle["start_ned_m"] = [_numeral(part) for part in start.split(",")]
+            place: list[float | str] = []
+            for part in start.split(","):
+                try:
+                    place.append(float(part))
+                except ValueError:  # the key's check refuses a text
+                    place.append(part)
+            vehicle["start_ned_m"] = place
         vehicles.append(vehicle)
     return vehicles
-
-
-def _numeral(text: str) -> float | str:
-    """Return the number in a text, or the text, which the key's check refuses."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def with_settings(

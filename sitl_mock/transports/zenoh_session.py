@@ -142,9 +142,17 @@ class ZenohEndpoint:
                 configuration(self._mode, self._endpoint, connect=self._connect, keys=self._keys)
             )
         except zenoh.ZError as error:
-            raise TransportError(
-                _reason(self._endpoint, str(error), connect=self._connect)
-            ) from None
+            if "Address already in use" in str(error):
+                reason = "is in use: end the program that listens there, or choose another port"
+            elif self._connect:
+                reason = (
+                    "cannot be reached: start a router there, or listen instead of connecting; a "
+                    "router by tls/ wants --zenoh-keys"
+                )
+            else:
+                short = str(error).split(" at ", maxsplit=1)[0]
+                reason = f"cannot be opened: {short}; give one such as tcp/127.0.0.1:7447"
+            raise TransportError(f"zenoh endpoint {self._endpoint} {reason}") from None
         raw = zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink")
         self._publishers = {
             name: self._session.declare_publisher(
@@ -235,20 +243,6 @@ def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
-
-
-def _reason(endpoint: str, text: str, *, connect: bool) -> str:
-    if "Address already in use" in text:
-        return f"zenoh endpoint {endpoint} is in use: end the program that listens there, or choose another port"
-    if connect:
-        return (
-            f"zenoh endpoint {endpoint} cannot be reached: start a router there, or listen instead of connecting; a "
-            "router by tls/ wants --zenoh-keys"
-        )
-    short = text.split(" at ", maxsplit=1)[0]
-    return (
-        f"zenoh endpoint {endpoint} cannot be opened: {short}; give one such as tcp/127.0.0.1:7447"
-    )
 
 
 def with_port(endpoint: str) -> str:
