@@ -1,7 +1,7 @@
 """Polygons that a person has drawn in QGroundControl: the one inclusion polygon of a plan file."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -64,23 +64,21 @@ def _polygon_of_plan(fence: Mapping[str, Any]) -> Any:  # noqa: ANN401 - whateve
     if len(polygons) != 1 or excluded or circles:
         words = (
             f"{len(polygons)} polygons ({excluded} of them not for inclusion) and "
-            f"{len(circles)} circles{_radii(circles)}"
+            f"{len(circles)} circles"
         )
+        if circles:
+            # A radius tells which circle is meant: one of 0 m is invisible in the Plan view.
+            shapes = [
+                circle.get("circle") if isinstance(circle, dict) else None for circle in circles
+            ]
+            radii = [shape.get("radius") if isinstance(shape, dict) else None for shape in shapes]
+            listed = [str(radius)[:20] for radius in radii[:5]]
+            if len(radii) > len(listed):
+                listed.append("…")
+            words += f" (radius {', '.join(listed)})"
         allowed = "exactly one inclusion polygon (a circle about home is limits.fence_radius_m)"
         raise ValueError(f"its fence has {words}; must be {allowed}")
     return polygons[0].get("polygon")
-
-
-def _radii(circles: Sequence[Any]) -> str:
-    """Name the radius of every circle: one of 0 m is invisible in the Plan view."""
-    if not circles:
-        return ""
-    shapes = [circle.get("circle") if isinstance(circle, dict) else None for circle in circles]
-    radii = [shape.get("radius") if isinstance(shape, dict) else None for shape in shapes]
-    words = [str(radius)[:20] for radius in radii[:5]]
-    if len(radii) > len(words):
-        words.append("…")
-    return f" (radius {', '.join(words)})"
 
 
 def _corner_deg(corner: object) -> tuple[float, float]:

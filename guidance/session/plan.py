@@ -344,7 +344,7 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     Raises:
         ConfigError: If the two contradict each other. The message has one line for each contradiction, with both keys.
     """
-    if contradictions := [*_player_contradictions(scenario, config), *_places(scenario, config)]:
+    if contradictions := list(_contradictions(scenario, config)):
         lines = "\n".join(f"  {line}" for line in contradictions)
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
     speeds = zip(scenario.pursuer.speeds, config.game.speeds, strict=True)
@@ -409,11 +409,12 @@ def _game(scenario: "Scenario") -> dict[str, Any]:
     return game
 
 
-def _player_contradictions(scenario: "Scenario", config: Config) -> Iterator[str]:
+def _contradictions(scenario: "Scenario", config: Config) -> Iterator[str]:
     pursuer = scenario.pursuer
     evader = scenario.evader
     disc = scenario.standoff
     game = config.game
+    limits = config.limits
     named = pursuer.model_fields_set
     if "autopilot" in named and pursuer.autopilot != config.vehicle.autopilot:
         yield f"pursuer.autopilot = {pursuer.autopilot!r}, but vehicle.autopilot = {config.vehicle.autopilot!r}"
@@ -435,16 +436,12 @@ def _player_contradictions(scenario: "Scenario", config: Config) -> Iterator[str
         if near_m < least_m:
             yield f"standoff.{key} = {near_m:g} is nearer to the evader than game.standoff_{key} = {least_m:g}"
 
-
-def _places(scenario: "Scenario", config: Config) -> Iterator[str]:
-    pursuer = scenario.pursuer
-    limits = config.limits
     low = limits.floor_m
     high = limits.ceiling_m
     heights_m = {
         "pursuer.position_m": pursuer.position_m[2],
         "pursuer.takeoff_height_m": pursuer.takeoff_height_m,
-        "standoff.height_m": scenario.standoff.height_m,
+        "standoff.height_m": disc.height_m,
     }
     for key, height_m in heights_m.items():
         if not low <= height_m <= high:

@@ -91,18 +91,14 @@ class Distribution(Section):
             yield f"must be one of {'; '.join(map(str, forms.values()))}"
         if "about_m" in self.model_fields_set and not self.radii_m:
             yield "about_m: only with disc or annulus"
-        if not self._has_valid_numbers:
-            yield f"must be {forms[kinds[0]]}"
-
-    @property
-    def _has_valid_numbers(self) -> bool:
+        has_valid_numbers = True
         if self.radii_m:
             inner, outer = self.radii_m
-            if not 0.0 <= inner < outer:
-                return False
-        if self.distribution is None:
-            return True
-        return math.isfinite(self.distribution.median())
+            has_valid_numbers = 0.0 <= inner < outer
+        if has_valid_numbers and self.distribution is not None:
+            has_valid_numbers = math.isfinite(self.distribution.median())
+        if not has_valid_numbers:
+            yield f"must be {forms[kinds[0]]}"
 
     @property
     def radii_m(self) -> Two | None:

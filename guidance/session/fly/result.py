@@ -325,12 +325,15 @@ def distance_to_target_m(cycle: CycleSettings, evader_m: Enu) -> float:
 
 def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[TeamOutcome]:
     """Return the rows, one for each evader; the game began when the last vehicle engaged. Without a game: none."""
-    engaged_s = [_engaged_s(flight) for flight in result.vehicles.values()]
-    if any(map(math.isinf, engaged_s)):
-        return []
-    began_s = max(engaged_s)
-    names = sorted(result.evaders)
     flights = list(result.vehicles.values())
+    first_engaged_s = []
+    for flight in flights:
+        engaged_s = [change.now_s for change in flight.transitions if change.event is Event.GUIDED]
+        if not engaged_s:
+            return []
+        first_engaged_s.append(engaged_s[0])
+    began_s = max(first_engaged_s)
+    names = sorted(result.evaders)
     ends = [_team_end(result, name, began_s) for name in names]
     teams = teams_of(scenario)
     cycle = flights[0].cycle
@@ -344,14 +347,6 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
     E = np.array([_at(result.evaders[name].track, began_s) for name in names]) * [1.0, 1.0, 0.0]
     first = match_teams(game, P, E, cycle.target_game_m)
     return outcomes_of(scenario, way, teams, first, ends)
-
-
-def _engaged_s(flight: FlightResult) -> float:
-    """Return when a vehicle first engaged; infinity if it never did."""
-    times = (
-        transition.now_s for transition in flight.transitions if transition.event is Event.GUIDED
-    )
-    return next(times, math.inf)
 
 
 def _team_end(result: MissionResult, name: str, began_s: float) -> tuple[str, float, float, int]:
