@@ -60,9 +60,17 @@ def add_report(
         settings: Noise and limits of the track.
     """
     pace = judge_pace(observer.pace, report.sent_s, report.received_s)
-    if not pace.usable:
+    clock = None
+    if pace.usable:
+        clock = observer.clock
+        answer = report.timesync
+        if answer is not None:
+            clock = synchronise(
+                clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s
+            )
+        clock = hear(clock, report.sent_s, report.received_s)
+    else:
         report = report._replace(sent_s=math.nan, timesync=None)
-    clock = _clock_after(observer.clock, report, pace)
     measurement = measure(report, frame, observer.shift_ned_m, clock, settings)
     used = measurement
     if not observer.velocity_check.believed:
@@ -76,18 +84,6 @@ def add_report(
         velocity_check = check_velocity(velocity_check, measurement)
     rivals = listen(observer.rivals, SourceReport(report, used, fits), settings)
     return Observer(clock, track, rivals, observer.shift_ned_m, pace, velocity_check)
-
-
-def _clock_after(
-    clock: ClockOffset | None, report: EvaderReport, pace: PaceMemory
-) -> ClockOffset | None:
-    """Return the sender's clock after a report; None while its stamps are not usable."""
-    if not pace.usable:
-        return None
-    answer = report.timesync
-    if answer is not None:
-        clock = synchronise(clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
-    return hear(clock, report.sent_s, report.received_s)
 
 
 def in_new_frame(observer: Observer, into: Callable[[Ned], Ned]) -> Observer:

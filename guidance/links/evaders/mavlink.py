@@ -106,7 +106,12 @@ class MavlinkEvader:
             self._heard_s = received_s
             for frame in self._frames.read(data):
                 if frame.name == "HEARTBEAT":
-                    self._note_beat(frame, received_s)
+                    # An evader that has to be asked reports to nobody: remember who is there instead of it.
+                    if frame.system_id == self.system_id:
+                        self._others.clear()
+                        self._others_since_s = None
+                    else:
+                        self._note_other(frame, received_s)
                 elif self._is_meant(frame):
                     reports += self._read(frame, received_s)
                 elif not self._counts["reports"] and frame.name == self.carrier.message:
@@ -154,14 +159,6 @@ class MavlinkEvader:
         if problem is not None and frame.name != "COMMAND_ACK":
             self._counts[problem] += 1
         return problem is None
-
-    def _note_beat(self, frame: Frame, received_s: float) -> None:
-        """Remember who is there instead of an evader that has to be asked: others report to nobody."""
-        if frame.system_id != self.system_id:
-            self._note_other(frame, received_s)
-            return
-        self._others.clear()
-        self._others_since_s = None
 
     def _note_other(self, frame: Frame, received_s: float) -> None:
         """Remember who reports instead of the evader."""

@@ -151,16 +151,13 @@ def _read(path: Path) -> dict[SignedStream, int]:
     damaged = f"{said}: damaged; see that nobody replays recorded frames, and remove it"
     text = text_of(path, said, secret=True)
     try:
-        rows = json.loads(text[:_MOST_BYTES])
-        streams = {_stream(name): timestamp for name, timestamp in rows.items()}
+        streams: dict[SignedStream, int] = {}
+        for name, timestamp in json.loads(text[:_MOST_BYTES]).items():
+            link_id, system_id, component_id = map(int, name.split("/"))
+            streams[link_id, system_id, component_id] = timestamp
     except (ValueError, AttributeError, RecursionError) as error:
         raise ConfigError(damaged) from error
     for timestamp in streams.values():
         if type(timestamp) is not int or not 0 <= timestamp < _MOST_TIMESTAMP:
             raise ConfigError(damaged)
     return streams
-
-
-def _stream(name: str) -> SignedStream:
-    link_id, system_id, component_id = map(int, name.split("/"))
-    return link_id, system_id, component_id

@@ -103,24 +103,21 @@ class TcpInWire(StreamWire):
         for descriptor, _ in poll.poll(_WAIT_MS):
             if descriptor in callers:
                 self._read(callers[descriptor])
-            else:
-                self._answer()
+                continue
+            try:
+                caller = _Caller(self._accept())
+            except BlockingIOError:
+                continue  # the caller has gone
+            self._callers.append(caller)
+            if len(self._callers) > MOST_CALLERS:
+                self._callers.pop(0).connection.close()
+            if self._proven is None:
+                self._speak_to(caller)
 
     def _all(self) -> Sequence[_Caller]:
         if self._proven is None:
             return self._callers
         return [*self._callers, self._proven]
-
-    def _answer(self) -> None:
-        try:
-            caller = _Caller(self._accept())
-        except BlockingIOError:
-            return  # the caller has gone
-        self._callers.append(caller)
-        if len(self._callers) > MOST_CALLERS:
-            self._callers.pop(0).connection.close()
-        if self._proven is None:
-            self._speak_to(caller)
 
     def _speak_to(self, caller: _Caller | None) -> None:
         """Send to this connection from now on, beginning with a whole frame; an unproven one stays open."""

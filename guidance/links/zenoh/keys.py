@@ -107,7 +107,13 @@ def _signed(
     use: x509.ObjectIdentifier,
     validity: Validity,
 ) -> KeyPair:
-    called = x509.SubjectAlternativeName([_general(host) for host in hosts or (common_name,)])
+    names: list[x509.GeneralName] = []
+    for host in hosts or (common_name,):
+        try:
+            names.append(x509.IPAddress(ipaddress.ip_address(host)))
+        except ValueError:
+            names.append(x509.DNSName(host))
+    called = x509.SubjectAlternativeName(names)
     return _new_certificate(
         authority, common_name, validity, [(called, False), (x509.ExtendedKeyUsage([use]), False)]
     )
@@ -132,13 +138,6 @@ def _new_certificate(
     for extension, critical in ((constraints, True), *extensions):
         built = built.add_extension(extension, critical=critical)
     return KeyPair(key, built.sign(key if authority is None else authority.key, hashes.SHA256()))
-
-
-def _general(host: str) -> x509.GeneralName:
-    try:
-        return x509.IPAddress(ipaddress.ip_address(host))
-    except ValueError:
-        return x509.DNSName(host)
 
 
 def _write(folder: Path, name: str, pair: KeyPair) -> list[Path]:

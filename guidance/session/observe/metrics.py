@@ -192,19 +192,21 @@ class MetricsServer:
                 asyncio.LimitOverrunError, asyncio.IncompleteReadError, OSError
             ):
                 async with asyncio.timeout(self._deadline_s):
-                    writer.write(self._response(await reader.readuntil(b"\r\n\r\n")))
+                    request = await reader.readuntil(b"\r\n\r\n")
+                    status = "405 Method Not Allowed"
+                    headers = "Connection: close\r\nContent-Length: 0"
+                    body = b""
+                    if request.startswith(b"GET "):
+                        status = "200 OK"
+                        body = generate_latest(self._registry)
+                        headers = (
+                            f"Content-Type: {CONTENT_TYPE_LATEST}\r\n"
+                            f"Content-Length: {len(body)}\r\nConnection: close"
+                        )
+                    writer.write(f"HTTP/1.1 {status}\r\n{headers}\r\n\r\n".encode() + body)
                     writer.close()
                     await writer.wait_closed()
         finally:
             writer.transport.abort()
             if writer in self._open:
                 self._open.remove(writer)
-
-    def _response(self, request: bytes) -> bytes:
-        if not request.startswith(b"GET "):
-            return (
-                b"HTTP/1.1 405 Method Not Allowed\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
-            )
-        body = generate_latest(self._registry)
-        headers = f"Content-Type: {CONTENT_TYPE_LATEST}\r\nContent-Length: {len(body)}\r\nConnection: close"
-        return f"HTTP/1.1 200 OK\r\n{headers}\r\n\r\n".encode() + body
