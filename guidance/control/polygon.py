@@ -37,21 +37,31 @@ class Polygon:
     unchecked: InitVar[bool] = False
 
     def __post_init__(self, unchecked: bool) -> None:
-        if not unchecked:
-            _check_corners(self.corners_ne_m)
-            edges = self.edges()
-            for index, edge in enumerate(edges):
-                if math.dist(*edge) < _SHORTEST_EDGE_M:
-                    raise ConfigError(
-                        f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it"
-                    )
-            if crossing_edges(edges) is not None:
-                # The error names the first crossing in the order of the corners; only here all pairs are compared.
-                pairs = combinations(range(len(edges)), 2)
-                first, second = next(pair for pair in pairs if _edges_cross(edges, *pair))
+        if unchecked:
+            return
+        corners = self.corners_ne_m
+        if len(corners) < 3:
+            raise ConfigError(f"fence_polygon has {len(corners)} corners: needs at least 3")
+        if len(corners) > MOST_CORNERS:
+            raise ConfigError(
+                f"fence_polygon has {len(corners)} corners: at most {MOST_CORNERS} are allowed; simplify it"
+            )
+        for corner in corners:
+            if not all(math.isfinite(value) for value in corner):
+                raise ConfigError(f"fence_polygon corner {corner}: must be two finite numbers")
+        edges = self.edges()
+        for index, edge in enumerate(edges):
+            if math.dist(*edge) < _SHORTEST_EDGE_M:
                 raise ConfigError(
-                    f"fence_polygon: edges {first} and {second} cross or touch; give the corners in order"
+                    f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it"
                 )
+        if crossing_edges(edges) is not None:
+            # The error names the first crossing in the order of the corners; only here all pairs are compared.
+            pairs = combinations(range(len(edges)), 2)
+            first, second = next(pair for pair in pairs if _edges_cross(edges, *pair))
+            raise ConfigError(
+                f"fence_polygon: edges {first} and {second} cross or touch; give the corners in order"
+            )
 
     def edges(self) -> tuple[_Edge, ...]:
         """The edges as pairs of corners."""
@@ -84,18 +94,6 @@ class Polygon:
             share = min(1.0, max(0.0, projected / (along_north**2 + along_east**2)))
             points.append((north1 + share * along_north, east1 + share * along_east))
         return tuple(points)
-
-
-def _check_corners(corners: Sequence[Point]) -> None:
-    if len(corners) < 3:
-        raise ConfigError(f"fence_polygon has {len(corners)} corners: needs at least 3")
-    if len(corners) > MOST_CORNERS:
-        raise ConfigError(
-            f"fence_polygon has {len(corners)} corners: at most {MOST_CORNERS} are allowed; simplify it"
-        )
-    for corner in corners:
-        if not all(math.isfinite(value) for value in corner):
-            raise ConfigError(f"fence_polygon corner {corner}: must be two finite numbers")
 
 
 def corners_about_home(

@@ -267,7 +267,18 @@ def vectors(
     arrays |= {f"parameter {number + 1}": value for number, value in enumerate(parameters)}
     module = library_of(arrays) if arrays else np
     xp = NUMPY if is_numpy_namespace(module) else Differentiating(module)
-    taken = {name: _as_array(xp, name, value) for name, value in named.items()}
+    taken: dict[str, Array] = {}
+    for name, value in named.items():
+        if isinstance(value, np.ma.MaskedArray):
+            raise ConfigError(
+                f"{name} = {value!r}: must not be a masked array; fill it, or leave those rows out"
+            )
+        try:
+            taken[name] = as_reals(value if is_array_api_obj(value) else xp.asarray(value))
+        except (TypeError, ValueError, RuntimeError):
+            raise ConfigError(
+                f"{name} = {value!r}: must be an array of shape (..., 3) of real numbers"
+            ) from None
     wide = xp.result_type(*(array.dtype for array in (*taken.values(), *parameters)))
     return xp, {
         name: array if array.dtype == wide else xp.astype(array, wide)
@@ -287,19 +298,6 @@ def library_of(arrays: dict[str, Array]) -> Any:  # noqa: ANN401 - a module has 
         kinds = ", ".join(f"{name}: {type(value).__name__}" for name, value in arrays.items())
         raise ConfigError(
             f"arrays of different libraries cannot be mixed: {kinds}; convert states and parameters to one library"
-        ) from None
-
-
-def _as_array(xp: Library, name: str, value: object) -> Array:
-    if isinstance(value, np.ma.MaskedArray):
-        raise ConfigError(
-            f"{name} = {value!r}: must not be a masked array; fill it, or leave those rows out"
-        )
-    try:
-        return as_reals(value if is_array_api_obj(value) else xp.asarray(value))
-    except (TypeError, ValueError, RuntimeError):
-        raise ConfigError(
-            f"{name} = {value!r}: must be an array of shape (..., 3) of real numbers"
         ) from None
 
 

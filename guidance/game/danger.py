@@ -280,8 +280,13 @@ def most_in_danger(xp: Library, extent: Extent, rivals: Rivals) -> Plane:
         if xp is NUMPY and len(extent.corners_m) > 2:
             points.append(_least_corner(corners[0], judged[0].margin))
         else:
-            for corner, margin in zip(corners, judged, strict=True):
-                points.append(_corner(xp, corner, margin))
+            for corner, here in zip(corners, judged, strict=True):
+                at = corner
+                if xp.differentiates:
+                    # One for every row
+                    nothing = 0.0 * here.margin
+                    at = (corner[0] + nothing, corner[1] + nothing)
+                points.append(ShapePoint(at, here.margin))
         # A line ends at the corner that follows its begin; with NumPy all corners are along the first axis.
         following = judged[1:] + judged[:1]
         if len(judged) == 1:
@@ -390,27 +395,22 @@ def _guard(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:
             return distance / u, guarded
         time = (distance - rivals.capture) / u
     else:
-        time = _guard_in_wind(xp, rivals, away, wind)
+        if is_zero(rivals.radius):
+            time = catch_in_ball(xp, u, rivals.capture, away, times2(-1.0, wind), rivals.z)
+        else:
+            # By Newton's method on a convex function, from below.
+            time = 0.0 * away[0]
+            for _ in range(WIND_STEPS):
+                distance, towards = _to_disc(xp, rivals, plus2(away, -time, wind))
+                missing = distance - u * time - rivals.capture
+                time = time + missing / (u + dot2(towards, wind))
+                if not xp.any(abs(missing) > CLOSE * (distance + u)):
+                    break
         distance, towards = _to_disc(xp, rivals, plus2(away, -time, wind))
         guarded = times2(1.0 / (u + dot2(towards, wind)), towards)
     later = time > 0.0
     guarded = xp.select2(later, guarded, times2(0.0, guarded))
     return xp.select(later, time, 0.0 * time), guarded
-
-
-def _guard_in_wind(xp: Library, rivals: Rivals, away: Plane, wind: Plane) -> Real:
-    """Return the time; with a disc and a height by Newton's method on a convex function, from below."""
-    u = rivals.u
-    if is_zero(rivals.radius):
-        return catch_in_ball(xp, u, rivals.capture, away, times2(-1.0, wind), rivals.z)
-    time = 0.0 * away[0]
-    for _ in range(WIND_STEPS):
-        distance, towards = _to_disc(xp, rivals, plus2(away, -time, wind))
-        missing = distance - u * time - rivals.capture
-        time = time + missing / (u + dot2(towards, wind))
-        if not xp.any(abs(missing) > CLOSE * (distance + u)):
-            break
-    return time
 
 
 def _to_disc(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:
@@ -426,13 +426,6 @@ def _to_disc(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:
     distance = xp.sqrt(short * short + rivals.z * rivals.z)
     product = distance * beside
     return distance, times2(short / xp.select(product > 0.0, product, 1.0), away)
-
-
-def _corner(xp: Library, at: Plane, judged: Judged) -> ShapePoint:
-    if not xp.differentiates:
-        return ShapePoint(at, judged.margin)
-    nothing = 0.0 * judged.margin
-    return ShapePoint((at[0] + nothing, at[1] + nothing), judged.margin)
 
 
 def _least_corner(corners: Plane, margins: Array) -> ShapePoint:

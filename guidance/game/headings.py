@@ -155,13 +155,17 @@ def way_along(
         inside = dot2(at, at) <= hunt.met_m * hunt.met_m
         t = xp.select(inside, hunt.met_s, t)
         delta = xp.select(inside, float("inf"), delta)
+    # From the pursuer to the end of the run, through the air.
+    way = _after(hunt, start.air, t, start.to_end)
     if flat:
-        flight = _after(hunt, start.air, t, start.to_end)
+        flight = way
         bent = 0.0
         to = aim.disc
     else:
-        disc, far = _towards_end(xp, hunt, start, t)
-        bent = hunt.radius * (1.0 / xp.select(far > 0, far, 1.0))
+        far = xp.norm2(way)
+        inverse = 1.0 / xp.select(far > 0, far, 1.0)
+        disc = (xp.select(far > 0, way[0] * inverse, 1.0), way[1] * inverse)
+        bent = hunt.radius * inverse
         flight = times2(far - hunt.radius, disc)
         to = in_plane(start.n, disc)
         slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, start.air, flight)
@@ -204,15 +208,6 @@ def _set_out(hunt: Hunt, s: Real) -> Start:
         return Start(n, to_end, (hunt.v, 0.0), hunt.hand)
     air = (hunt.v - dot2(wind, n), cross2(wind, n))
     return Start(n, to_end, air, hunt.hand + 2.0 * hunt.v * head_wind(wind, n))
-
-
-def _towards_end(xp: Library, hunt: Hunt, start: Start, t: Real) -> tuple[Plane, Real]:
-    """Return the direction from the pursuer to the end of a run, through the air, and the length of that way."""
-    to_end = _after(hunt, start.air, t, start.to_end)
-    far = xp.norm2(to_end)
-    apart = far > 0
-    inverse = 1.0 / xp.select(apart, far, 1.0)
-    return (xp.select(apart, to_end[0] * inverse, 1.0), to_end[1] * inverse), far
 
 
 def aimed_at(xp: Library, hunt: Hunt, t: Real, point: Plane = ORIGIN) -> tuple[Plane, Truth]:

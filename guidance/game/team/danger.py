@@ -106,7 +106,13 @@ def _least(game: Game, state: Geometry, to_target: Plane, pieces: Pieces) -> Pla
     """Return the point of some pieces with the least margin, from the target's position, m."""
     angle, step = _points_between(pieces.low, pieces.high, _TRIED)
     margin = _margins(game, state, plus2(to_target, 1.0, pieces.at(angle)))
-    minima = _lowest_minima(margin)
+    # The lowest minima along the pieces, by their numbers over all of them, (MINIMA, ...)
+    beyond = np.full_like(margin[:, :1], np.inf)
+    before = np.concatenate([beyond, margin[:, :-1]], axis=1)
+    after = np.concatenate([margin[:, 1:], beyond], axis=1)
+    is_minimum = (margin <= before) & (margin <= after)
+    lowest = np.where(is_minimum, margin, np.inf)
+    minima = np.argsort(_joined(lowest), axis=0)[:_MINIMA]
     middle = np.take_along_axis(_joined(angle), minima, axis=0)[:, None]
     number = minima // _TRIED
     # Each minimum is followed on its piece
@@ -125,17 +131,6 @@ def _least(game: Game, state: Geometry, to_target: Plane, pieces: Pieces) -> Pla
     x = np.take_along_axis(points[0], piece, axis=0)
     y = np.take_along_axis(points[1], piece, axis=0)
     return x[0], y[0]
-
-
-def _lowest_minima(margin: Array) -> Array:
-    """Return the numbers of the lowest minima along the second axis, counted over both, (MINIMA, ...)."""
-    beyond = np.full_like(margin[:, :1], np.inf)
-    before = np.concatenate([beyond, margin[:, :-1]], axis=1)
-    after = np.concatenate([margin[:, 1:], beyond], axis=1)
-    is_minimum = (margin <= before) & (margin <= after)
-    lowest = np.where(is_minimum, margin, np.inf)
-    order = np.argsort(_joined(lowest), axis=0)
-    return order[:_MINIMA]
 
 
 def _joined(array: Array) -> Array:

@@ -152,7 +152,12 @@ def match_teams(
         edges = _with_short_ways(table, _profits(table, previous_pairs, hysteresis), hysteresis)
         first = assigned(edges, promised)
         if table.target is None:
-            answer = _chased(table, first)
+            run = longest_run(table.all)
+            nobody = np.zeros(1, dtype=bool)
+            play = assembled(table.all, table.evaders, run, run, nobody)
+            time_s = np.where(first < 0, np.inf, -taken(table.worth, first))
+            no_second = np.full_like(first, -1)
+            answer = _answer(table, first, no_second, play._replace(value=time_s))
         else:
             first, mate = _with_pairs(table, edges, previous_pairs, first)
             # What each first and every other pursuer guarantee together: known if these are the promised firsts.
@@ -413,17 +418,6 @@ def _are_chosen(count: int, chosen: Array) -> Array:
     """Return which of some pursuers are chosen for an evader, (b, n), from their numbers (b, m)."""
     numbers = np.arange(count)
     return np.asarray((numbers == chosen[..., None]).any(axis=1))
-
-
-def _chased(table: Table, first: Array) -> Matching:
-    """Put the answer in PE together, (b, ...)."""
-    run = longest_run(table.all)
-    nobody = np.zeros(1, dtype=bool)
-    play = assembled(table.all, table.evaders, run, run, nobody)
-    time_s = -taken(table.worth, first)
-    value = np.where(first < 0, np.inf, time_s)
-    no_second = np.full_like(first, -1)
-    return _answer(table, first, no_second, play._replace(value=value))
 
 
 def _target_answer(
