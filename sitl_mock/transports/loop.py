@@ -28,7 +28,10 @@ class Endpoint(Protocol):
     * `close` releases everything and may be called twice.
     """
 
-    dropped: int
+    @property
+    def dropped(self) -> int:
+        """Return how many frames were dropped."""
+        ...
 
     def filenos(self) -> Sequence[int]:
         """Return the file descriptors to wait on."""

@@ -8,23 +8,22 @@ Like PX4, the endpoint tries every five seconds until there is a router.
 
 from __future__ import annotations
 
-import contextlib
-import socket
 import struct
 import sys
 import threading
-from collections import deque
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import zenoh
 
 from sitl_mock.px4.messages import message_type
 from sitl_mock.px4.topic_link import PUBLISHED, SUBSCRIBED, frame_of, sample_of
-from sitl_mock.transports.loop import Arrival
-from sitl_mock.transports.zenoh_session import QUEUE_MAX, configuration
+from sitl_mock.transports.zenoh_session import Inbox, configuration
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
+
+    from sitl_mock.transports.loop import Arrival
 
 _RETRY_S: Final = 5.0
 LINK: Final = "px4_zenoh"
@@ -59,14 +58,10 @@ class Px4ZenohEndpoint:
     def __init__(
         self, domains: Mapping[str, int], endpoint: str, keys: Mapping[str, Any] | None = None
     ) -> None:
-        self.dropped = 0
+        self._inbox = Inbox()
         self._domains = dict(domains)
         self._endpoint = endpoint
         self._keys = {} if keys is None else keys
-        self._queue: deque[Arrival] = deque()
-        self._wake_from, self._wake_to = socket.socketpair()
-        self._wake_from.setblocking(False)
-        self._wake_to.setblocking(False)
         self._publishers: dict[tuple[str, str], _Publisher] = {}
         self._session: zenoh.Session | None = None
         self._subscribers: list[Any] = []
@@ -74,17 +69,18 @@ class Px4ZenohEndpoint:
         self._opening = threading.Thread(target=self._open, name="px4-zenoh", daemon=True)
         self._opening.start()
 
+    @property
+    def dropped(self) -> int:
+        """How many samples came while the queue was full, or were none of a topic."""
+        return self._inbox.dropped
+
     def filenos(self) -> Sequence[int]:
         """Readable when a sample has come."""
-        return [self._wake_from.fileno()]
+        return self._inbox.filenos()
 
     def receive(self) -> Sequence[Arrival]:
         """Everything that has come."""
-        with contextlib.suppress(BlockingIOError):
-            while self._wake_from.recv(4096):
-                pass
-        queue = self._queue
-        return [queue.popleft() for _ in range(len(queue))]
+        return self._inbox.receive()
 
     def send(self, vehicle: str, link: str, frames: Sequence[bytes]) -> None:
         """Publish one sample a frame; what is no sample of a topic is dropped and counted."""
@@ -94,7 +90,7 @@ class Px4ZenohEndpoint:
             topic, payload = sample_of(frame)
             publisher = self._publishers.get((vehicle, topic))
             if publisher is None:
-                self.dropped += 1
+                self._inbox.dropped += 1
             else:
                 publisher.put(payload)
 
@@ -114,8 +110,7 @@ class Px4ZenohEndpoint:
                 subscriber.undeclare()
             self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it untyped
         self._subscribers = []
-        self._wake_from.close()
-        self._wake_to.close()
+        self._inbox.close()
 
     def _open(self) -> None:
         """Connect to the router, in a thread of its own, and declare everything."""
@@ -138,7 +133,8 @@ class Px4ZenohEndpoint:
                 for topic, message in SUBSCRIBED.items():
                     key = key_of(domain, "in", topic, message)
                     # Without a Python thread for each, which would abort the process if it woke while that ends
-                    hear = zenoh.handlers.Callback(self._taker(vehicle, topic), indirect=False)
+                    take = self._inbox.taker(vehicle, LINK, partial(frame_of, topic))
+                    hear = zenoh.handlers.Callback(take, indirect=False)
                     self._subscribers.append(session.declare_subscriber(key, hear))
                 for topic, message in PUBLISHED.items():
                     key = key_of(domain, "out", topic, message)
@@ -148,20 +144,6 @@ class Px4ZenohEndpoint:
                     self._publishers[vehicle, topic] = _Publisher(publisher)
             self._session = session
             return
-
-    def _taker(self, vehicle: str, topic: str) -> Callable[[Any], None]:
-        queue = self._queue
-
-        def take(sample: Any) -> None:  # noqa: ANN401 - zenoh.Sample, from a thread of the session
-            if len(queue) >= QUEUE_MAX:
-                self.dropped += 1
-                return
-            queue.append(Arrival(vehicle, LINK, frame_of(topic, bytes(sample.payload))))
-            # Full: the loop is already awake; closed: it has ended.
-            with contextlib.suppress(OSError):
-                self._wake_to.send(b"\0")
-
-        return take
 
 
 class _Publisher:

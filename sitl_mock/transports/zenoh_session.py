@@ -14,6 +14,7 @@ Credentials for a router (TLS, mutual TLS, user and password) come from a TOML f
 File names are relative to the TOML file. Keys that are missing are not used.
 """
 
+import contextlib
 import json
 import socket
 import ssl
@@ -76,6 +77,61 @@ def configuration(
     )
 
 
+class Inbox:
+    """Samples that threads of a session bring, until the loop takes them; bounded, with a socket that wakes the loop.
+
+    Attributes:
+        dropped: How many samples came while it was full; an endpoint adds what it could not send.
+    """
+
+    def __init__(self) -> None:
+        self.dropped = 0
+        self._queue: deque[Arrival] = deque()
+        self._wake_from, self._wake_to = socket.socketpair()
+        self._wake_from.setblocking(False)
+        self._wake_to.setblocking(False)
+
+    def taker(
+        self, vehicle: str, link: str, frame_of: Callable[[bytes], bytes] = bytes
+    ) -> Callable[[Any], None]:
+        """Return what a subscriber calls with each sample, in a thread of the session.
+
+        Args:
+            vehicle: Whom the samples are for.
+            link: The link on which they come.
+            frame_of: What a payload is to the vehicle.
+        """
+        queue = self._queue
+
+        def take(sample: Any) -> None:  # noqa: ANN401 - zenoh.Sample
+            if len(queue) >= QUEUE_MAX:
+                self.dropped += 1
+                return
+            queue.append(Arrival(vehicle, link, frame_of(bytes(sample.payload))))
+            # Full: the loop is already awake; closed: it has ended.
+            with contextlib.suppress(OSError):
+                self._wake_to.send(b"\0")
+
+        return take
+
+    def filenos(self) -> Sequence[int]:
+        """Return what is readable when a sample has come."""
+        return [self._wake_from.fileno()]
+
+    def receive(self) -> Sequence[Arrival]:
+        """Return everything that has come."""
+        with contextlib.suppress(BlockingIOError):
+            while self._wake_from.recv(4096):
+                pass
+        queue = self._queue
+        return [queue.popleft() for _ in range(len(queue))]
+
+    def close(self) -> None:
+        """Close the socket; may be called twice."""
+        self._wake_from.close()
+        self._wake_to.close()
+
+
 class ZenohEndpoint:
     """All vehicles on one session.
 
@@ -101,13 +157,9 @@ class ZenohEndpoint:
         link: str = _LINK,
         keys: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
-        self.dropped = 0
+        self._inbox = Inbox()
         self._link = link
         self._endpoint = endpoint
-        self._queue: deque[Arrival] = deque()
-        self._wake_from, self._wake_to = socket.socketpair()
-        self._wake_from.setblocking(False)
-        self._wake_to.setblocking(False)
         self._vehicles = tuple(vehicles)
         self._mode = mode
         self._connect = connect
@@ -118,8 +170,13 @@ class ZenohEndpoint:
         try:
             self.come_up()
         except TransportError:
-            self._close_wake()
+            self._inbox.close()
             raise
+
+    @property
+    def dropped(self) -> int:
+        """How many samples came while the queue was full, or were sent while the session was down."""
+        return self._inbox.dropped
 
     @property
     def session(self) -> zenoh.Session:
@@ -166,7 +223,9 @@ class ZenohEndpoint:
         }
         self._subscribers = [
             self._session.declare_subscriber(
-                f"{name}/mavlink_raw/in", self._taker(name), allowed_origin=zenoh.Locality.REMOTE
+                f"{name}/mavlink_raw/in",
+                self._inbox.taker(name, self._link),
+                allowed_origin=zenoh.Locality.REMOTE,
             )
             for name in self._vehicles
         ]
@@ -184,17 +243,11 @@ class ZenohEndpoint:
 
     def filenos(self) -> Sequence[int]:
         """Readable when a sample has come."""
-        return [self._wake_from.fileno()]
+        return self._inbox.filenos()
 
     def receive(self) -> Sequence[Arrival]:
         """Everything that has come."""
-        try:
-            while self._wake_from.recv(4096):
-                pass
-        except BlockingIOError:
-            pass
-        queue = self._queue
-        return [queue.popleft() for _ in range(len(queue))]
+        return self._inbox.receive()
 
     def send(self, vehicle: str, link: str, frames: Sequence[bytes]) -> None:
         """One sample a frame."""
@@ -202,7 +255,7 @@ class ZenohEndpoint:
             return
         publisher = self._publishers.get(vehicle)
         if publisher is None:
-            self.dropped += len(frames)
+            self._inbox.dropped += len(frames)
             return
         put = publisher.put
         for frame in frames:
@@ -215,27 +268,7 @@ class ZenohEndpoint:
     def close(self) -> None:
         """Undeclare and close; without this the interpreter would hang at exit."""
         self.go_down()
-        self._close_wake()
-
-    def _taker(self, name: str) -> Callable[[Any], None]:
-        queue = self._queue
-        link = self._link
-
-        def take(sample: Any) -> None:  # noqa: ANN401 - zenoh.Sample, from a thread of the session
-            if len(queue) >= QUEUE_MAX:
-                self.dropped += 1
-                return
-            queue.append(Arrival(name, link, bytes(sample.payload)))
-            try:
-                self._wake_to.send(b"\0")
-            except OSError:
-                return  # full: the loop is already awake; closed: it has ended
-
-        return take
-
-    def _close_wake(self) -> None:
-        self._wake_from.close()
-        self._wake_to.close()
+        self._inbox.close()
 
 
 def free_port() -> int:
