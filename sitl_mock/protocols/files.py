@@ -170,7 +170,18 @@ class FtpProtocol:
                 self._written = None
                 return [(0, b"")]
             case Opcode.LIST_DIRECTORY:
-                return self._list(request)
+                entries = self._files.entries(request.path)
+                if entries is None:
+                    raise _Nak(FtpError.FILE_NOT_FOUND)
+                if request.offset >= len(entries):
+                    raise _Nak(FtpError.END_OF_FILE)
+                listed = b""
+                for entry in entries[request.offset :]:
+                    line = entry.encoded()
+                    if len(listed) + len(line) > DATA:
+                        break
+                    listed += line
+                return [(request.offset, listed)]
             case Opcode.OPEN_FILE_RO:
                 self._open = content = self._content(request)
                 return [(0, struct.pack("<I", len(content)))]
@@ -220,20 +231,6 @@ class FtpProtocol:
             case _:
                 raise _Nak(FtpError.UNKNOWN_COMMAND)
         return (0, b"")
-
-    def _list(self, request: _Request) -> list[tuple[int, bytes]]:
-        entries = self._files.entries(request.path)
-        if entries is None:
-            raise _Nak(FtpError.FILE_NOT_FOUND)
-        if request.offset >= len(entries):
-            raise _Nak(FtpError.END_OF_FILE)
-        listed = b""
-        for entry in entries[request.offset :]:
-            line = entry.encoded()
-            if len(listed) + len(line) > DATA:
-                break
-            listed += line
-        return [(request.offset, listed)]
 
     def _content(self, request: _Request) -> bytes:
         content = self._files.content(request.path)

@@ -212,13 +212,19 @@ def item_fault(
         return MissionResult.UNSUPPORTED
     if item.command in POLYGONS and not 3.0 <= item.param1 < math.inf:
         return MissionResult.ERROR
-    if item.command in WITH_PLACE or kind is not PlanKind.MISSION:
-        return _place_fault(item, any_place=any_place)
-    return (
-        MissionResult.ACCEPTED
-        if item.frame in GLOBAL_FRAMES | {MISSION_FRAME}
-        else MissionResult.UNSUPPORTED_FRAME
-    )
+    has_place = item.command in WITH_PLACE or kind is not PlanKind.MISSION
+    if item.frame not in GLOBAL_FRAMES and (has_place or item.frame != MISSION_FRAME):
+        return MissionResult.UNSUPPORTED_FRAME
+    fault = MissionResult.ACCEPTED
+    if has_place and not any_place:
+        free = item.command in WITH_PLACE and item.command != NAV_WAYPOINT  # optional
+        if not (abs(item.latitude_deg) <= 90.0 or (free and item.x == INT32_NAN)):
+            fault = MissionResult.INVALID_PARAM5_X
+        elif not (abs(item.longitude_deg) <= 180.0 or (free and item.y == INT32_NAN)):
+            fault = MissionResult.INVALID_PARAM6_Y
+        elif math.isinf(item.z) or (math.isnan(item.z) and item.command in NEEDS_ALTITUDE):
+            fault = MissionResult.INVALID_PARAM7
+    return fault
 
 
 def plan_fault(kind: PlanKind, items: Sequence[PlanItem], *, any_radius: bool) -> MissionResult:
@@ -245,19 +251,4 @@ def plan_fault(kind: PlanKind, items: Sequence[PlanItem], *, any_radius: bool) -
         ):
             return MissionResult.INVALID
         at += size
-    return MissionResult.ACCEPTED
-
-
-def _place_fault(item: PlanItem, *, any_place: bool) -> MissionResult:
-    if item.frame not in GLOBAL_FRAMES:
-        return MissionResult.UNSUPPORTED_FRAME
-    if any_place:
-        return MissionResult.ACCEPTED
-    free = item.command in WITH_PLACE and item.command != NAV_WAYPOINT  # the position is optional
-    if not (abs(item.latitude_deg) <= 90.0 or (free and item.x == INT32_NAN)):
-        return MissionResult.INVALID_PARAM5_X
-    if not (abs(item.longitude_deg) <= 180.0 or (free and item.y == INT32_NAN)):
-        return MissionResult.INVALID_PARAM6_Y
-    if math.isinf(item.z) or (math.isnan(item.z) and item.command in NEEDS_ALTITUDE):
-        return MissionResult.INVALID_PARAM7
     return MissionResult.ACCEPTED

@@ -175,6 +175,12 @@ _NAN_RESULTS: Final = (
     MissionResult.INVALID_PARAM4,
 )
 _HIGHEST_M: Final = 83_000.0
+_STORED_FRAMES: Final[Mapping[int, int]] = {
+    **dict.fromkeys((*_AMSL, MISSION_FRAME), 0),
+    **dict.fromkeys(_RELATIVE, 3),
+    **dict.fromkeys(_OVER_TERRAIN, 10),
+}
+"""The frame in which ArduPilot stores a place, by that in which it came."""
 
 
 def _signed(value: float, like: float) -> float:
@@ -245,24 +251,16 @@ def stored_by_ardupilot(item: PlanItem) -> PlanItem | MissionResult:
     stored = _rewritten(item, _ARDUPILOT[item.command]) if special is None else special(item)
     stored = stored._replace(autocontinue=1)
     if item.command in _ARDUPILOT_PLACES:
-        return _with_stored_height(stored)
+        if math.isnan(stored.z) or abs(stored.z) >= _HIGHEST_M:
+            return MissionResult.INVALID_PARAM7
+        frame = _STORED_FRAMES.get(stored.frame)
+        if frame is None:
+            return MissionResult.UNSUPPORTED_FRAME
+        return stored._replace(frame=frame, z=int(stored.z * 100.0) * 0.01)
     letters = _ARDUPILOT_NUMBERS.get(item.command, "000")
     x = int(_stored_param(letters[0], item.x))
     y = int(_stored_param(letters[1], item.y))
     return stored._replace(frame=0, x=x, y=y, z=_stored_param(letters[2], item.z))
-
-
-def _with_stored_height(item: PlanItem) -> PlanItem | MissionResult:
-    if math.isnan(item.z) or abs(item.z) >= _HIGHEST_M:
-        return MissionResult.INVALID_PARAM7
-    height_m = int(item.z * 100.0) * 0.01
-    if item.frame in _AMSL or item.frame == MISSION_FRAME:
-        return item._replace(frame=0, z=height_m)
-    if item.frame in _RELATIVE:
-        return item._replace(frame=3, z=height_m)
-    if item.frame in _OVER_TERRAIN:
-        return item._replace(frame=10, z=height_m)
-    return MissionResult.UNSUPPORTED_FRAME
 
 
 def as_sent(item: PlanItem) -> PlanItem:
