@@ -290,21 +290,6 @@ def _or(value: float, default: float) -> float:
     return default if math.isnan(value) else value
 
 
-def _aligned(
-    wanted: tuple[float, float], wanted_d: float, to_go: tuple[float, float, float]
-) -> tuple[tuple[float, float], float]:
-    """Slow one direction down so that the velocity points at the goal."""
-    level_m = math.hypot(to_go[0], to_go[1])
-    high_m = abs(to_go[2])
-    if math.isnan(level_m + high_m) or min(level_m, high_m) < _ALIGNED_M:
-        return wanted, wanted_d
-    level = math.hypot(*wanted)
-    high = abs(wanted_d)
-    pace_1_s = min(level / level_m, high / high_m)
-    shrink = pace_1_s * level_m / level if level > 0.0 else 0.0
-    return (wanted[0] * shrink, wanted[1] * shrink), math.copysign(pace_1_s * high_m, wanted_d)
-
-
 def travel(
     limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s: float
 ) -> Reference:
@@ -353,5 +338,13 @@ def _towards(
         gain_1_s = approach_gain_1_s(limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s)
         wanted_d = approach_one(to_d, climb, sink, limits.accel_z_m_s2, gain_1_s)
     if limits.straight:
-        return _aligned(wanted, wanted_d, (to_n, to_e, to_d))
+        # One direction is slowed down so that the velocity points at the goal.
+        level_m = math.hypot(to_n, to_e)
+        high_m = abs(to_d)
+        if not math.isnan(level_m + high_m) and min(level_m, high_m) >= _ALIGNED_M:
+            level = math.hypot(*wanted)
+            pace_1_s = min(level / level_m, abs(wanted_d) / high_m)
+            shrink = pace_1_s * level_m / level if level > 0.0 else 0.0
+            wanted = (wanted[0] * shrink, wanted[1] * shrink)
+            wanted_d = math.copysign(pace_1_s * high_m, wanted_d)
     return wanted, wanted_d

@@ -285,25 +285,22 @@ class NotAMode(Enum):
 
 def requested_mode(base_mode: int, main: int, sub: int) -> str | NotAMode:
     """Return the name of the requested mode, or why there is none."""
+    mode: str | NotAMode = NotAMode.IGNORED
     if base_mode & _CUSTOM:
-        return _custom(main, sub)
-    if base_mode & _AUTO:
-        return "MISSION"
-    if base_mode & _MANUAL:
+        if main in _WITHOUT_SUB:
+            mode = BY_NUMBER[main << 16].name
+        elif main == _POSCTL_MAIN:
+            mode = "POSITION_SLOW" if sub == _SLOW_SUB else "POSCTL"
+        elif main == _AUTO_MAIN:
+            if sub == 0:
+                sub = _MISSION_SUB
+            known = BY_NUMBER.get(main << 16 | sub << 24)
+            mode = NotAMode.REFUSED if known is None else known.name
+    elif base_mode & _AUTO:
+        mode = "MISSION"
+    elif base_mode & _MANUAL:
         if base_mode & _GUIDED:
-            return "POSCTL"
-        return "STABILIZED" if base_mode & _STABILIZE else "MANUAL"
-    return NotAMode.IGNORED
-
-
-def _custom(main: int, sub: int) -> str | NotAMode:
-    if main in _WITHOUT_SUB:
-        return BY_NUMBER[main << 16].name
-    if main == _POSCTL_MAIN:
-        return "POSITION_SLOW" if sub == _SLOW_SUB else "POSCTL"
-    if main == _AUTO_MAIN:
-        if sub == 0:
-            sub = _MISSION_SUB
-        mode = BY_NUMBER.get(main << 16 | sub << 24)
-        return NotAMode.REFUSED if mode is None else mode.name
-    return NotAMode.IGNORED
+            mode = "POSCTL"
+        else:
+            mode = "STABILIZED" if base_mode & _STABILIZE else "MANUAL"
+    return mode

@@ -411,23 +411,17 @@ _BUILDERS: Final[Mapping[str, Callable[[Report], Values]]] = {
 }
 
 
-def _sources() -> dict[str, Source]:
-    text = files("sitl_mock.px4").joinpath("topics.csv").read_text(encoding="utf-8")
-    sources = {}
-    for number, row in enumerate(csv.DictReader(text.splitlines())):
-        name = row["name"]
-        message = message_type(row["message"])
-        sources[name] = Source(
-            Topic(name, message.log_format, number),
-            int(row["log_ms"] or 0) // STEP_MS,
-            _BUILDERS[name],
-            message,
-            float(row["zenoh_hz"] or 0.0),
-        )
-    return sources
-
-
-SOURCES: Final[Mapping[str, Source]] = _sources()
+_ROWS: Final = files("sitl_mock.px4").joinpath("topics.csv").read_text(encoding="utf-8")
+SOURCES: Final[Mapping[str, Source]] = {
+    row["name"]: Source(
+        Topic(row["name"], message_type(row["message"]).log_format, number),
+        int(row["log_ms"] or 0) // STEP_MS,
+        _BUILDERS[row["name"]],
+        message_type(row["message"]),
+        float(row["zenoh_hz"] or 0.0),
+    )
+    for number, row in enumerate(csv.DictReader(_ROWS.splitlines()))
+}
 """The topics by name."""
 LOGGED: Final[Mapping[str, Source]] = {
     name: source for name, source in SOURCES.items() if source.every
