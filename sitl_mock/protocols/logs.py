@@ -102,12 +102,24 @@ class LogProtocol:
                 for log_id, log in enumerate(logs, start=first)
                 if message.start <= log_id and (not first or log_id <= last)
             ]
-        if kind == "LOG_REQUEST_DATA":
-            return self._begin(message.id, message.ofs, message.count)
         self._part = None
+        replies: list[Reply] = []
         if kind == "LOG_ERASE":
             self._book.erase()
-        return []
+        elif kind == "LOG_REQUEST_DATA" and self._listed:
+            log_id = message.id
+            start = message.ofs
+            logs = self._book.logs
+            index = log_id - self._rules.first_id
+            content = logs[index].content if 0 <= index < len(logs) else None
+            whole = self._rules.whole_pieces
+            if content is not None and start < len(content):
+                end = min(start + message.count, len(content))
+                upto = min(end + _PIECE, len(content)) if whole else end
+                self._part = _Part(log_id, bytes(content[:upto]), start, end)
+            elif content is not None and not whole:
+                replies = [_piece(log_id, start, b"")]
+        return replies
 
     @property
     def is_idle(self) -> bool:
@@ -128,21 +140,6 @@ class LogProtocol:
                 self._part = None
                 break
         return replies
-
-    def _begin(self, log_id: int, start: int, count: int) -> list[Reply]:
-        logs = self._book.logs
-        index = log_id - self._rules.first_id
-        if not self._listed or not 0 <= index < len(logs):
-            self._part = None
-            return []
-        content = logs[index].content
-        if start >= len(content):
-            self._part = None
-            return [] if self._rules.whole_pieces else [_piece(log_id, start, b"")]
-        end = min(start + count, len(content))
-        upto = min(end + _PIECE, len(content)) if self._rules.whole_pieces else end
-        self._part = _Part(log_id, bytes(content[:upto]), start, end)
-        return []
 
 
 def _piece(log_id: int, start: int, data: bytes) -> Reply:

@@ -356,18 +356,27 @@ class ParameterProtocol:
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take PARAM_REQUEST_READ, PARAM_REQUEST_LIST or PARAM_SET."""
+        replies: list[Reply] = []
         kind = message.get_type()
         if kind == "PARAM_REQUEST_READ":
-            return self._read(message)
-        if kind == "PARAM_SET":
-            return self._set(message)
-        if kind == "PARAM_REQUEST_LIST":
+            # By its index or, where that is negative, by its name.
+            index = message.param_index
+            name = message.param_id
+            names = self._store.names
+            if 0 <= index < len(names):
+                replies = [_param_value(self._store, self._rules, names[index])]
+            elif index < 0 and name == HASH_NAME and self._rules.hash_check:
+                replies = [self._hash_reply()]
+            elif index < 0 and name in self._store.definitions:
+                replies = [named(self._store, self._rules, name)]
+        elif kind == "PARAM_SET":
+            replies = self._set(message)
+        elif kind == "PARAM_REQUEST_LIST":
             self._next_index = 0
             self._next_s = now_s
             if self._rules.hash_check:
-                return [self._hash_reply()]
-            return []
-        return []
+                replies = [self._hash_reply()]
+        return replies
 
     @property
     def is_idle(self) -> bool:
@@ -387,20 +396,6 @@ class ParameterProtocol:
             self._next_index += 1
             self._next_s += 1.0 / self._rules.list_hz
         return replies
-
-    def _read(self, message: Message) -> list[Reply]:
-        index = message.param_index
-        if index >= 0:
-            names = self._store.names
-            if index < len(names):
-                return [_param_value(self._store, self._rules, names[index])]
-            return []
-        name = message.param_id
-        if name == HASH_NAME and self._rules.hash_check:
-            return [self._hash_reply()]
-        if name in self._store.definitions:
-            return [named(self._store, self._rules, name)]
-        return []
 
     def _set(self, message: Message) -> list[Reply]:
         name = message.param_id
