@@ -214,21 +214,18 @@ def _auto(commander: ArduPilot) -> Setpoint:
         return _land_at(commander, leg.position_m)
     if state.on_ground and not leg.taking_off:
         return IDLING
-    return _along(commander, leg)
-
-
-def _along(commander: ArduPilot, leg: Leg) -> Setpoint:
-    flight = commander.flight
     if flight.paused:
         flight.legs = Legs()
-        return guided.STOP
-    if leg.taking_off:
-        return Setpoint(Kind.TRAVEL, leg.position_m, speed_m_s=leg.speed_m_s)
-    if leg.circling:
-        return _around(commander, leg)
-    flight.edge_m = None
-    flight.circle = None
-    return flight.legs.setpoint(commander.state, commander.mission, leg)
+        setpoint = guided.STOP
+    elif leg.taking_off:
+        setpoint = Setpoint(Kind.TRAVEL, leg.position_m, speed_m_s=leg.speed_m_s)
+    elif leg.circling:
+        setpoint = _around(commander, leg)
+    else:
+        flight.edge_m = None
+        flight.circle = None
+        setpoint = flight.legs.setpoint(state, mission, leg)
+    return setpoint
 
 
 def _around(commander: ArduPilot, leg: Leg) -> Setpoint:

@@ -172,8 +172,15 @@ class Legs:
             ahead = curve(
                 present.goal_m, following.position_m, now_s, following.speed_m_s, state.parameters
             )
-            if _may_begin(present, ahead, now_s, float(state.parameters["WPNAV_RADIUS"]) * 0.01):
-                self._following = ahead
+            # It begins when the sum of both legs passes the corner within the radius at half of the time left.
+            left_s = present.end_s - now_s
+            if left_s <= min(present.rise.lasts_s, ahead.rise.lasts_s):
+                to_go = present.rise.at(left_s / 2.0).distance_m
+                gone = ahead.rise.at(left_s / 2.0).distance_m
+                directions = zip(present.direction, ahead.direction, strict=True)
+                corner = [b * gone - a * to_go for a, b in directions]
+                if math.hypot(*corner) < float(state.parameters["WPNAV_RADIUS"]) * 0.01:
+                    self._following = ahead
         lead_s = 0.0 if self._following is None else (present.end_s - self._following.begun_s) / 2.0
         mission.due_s = present.end_s - lead_s
         return self._sum(now_s)
@@ -257,14 +264,3 @@ class Legs:
             velocity_m_s = velocity_m_s.after(direction, along.speed_m_s)
             acceleration_m_s2 = acceleration_m_s2.after(direction, along.accel_m_s2)
         return Setpoint(Kind.TRACK, position_m, velocity_m_s, acceleration_m_s2)
-
-
-def _may_begin(present: Curve, ahead: Curve, now_s: float, radius_m: float) -> bool:
-    """True if the next leg may begin: their sum passes the corner within the radius at half of the time left."""
-    left_s = present.end_s - now_s
-    if left_s > min(present.rise.lasts_s, ahead.rise.lasts_s):
-        return False
-    to_go = present.rise.at(left_s / 2.0).distance_m
-    gone = ahead.rise.at(left_s / 2.0).distance_m
-    corner = [b * gone - a * to_go for a, b in zip(present.direction, ahead.direction, strict=True)]
-    return math.hypot(*corner) < radius_m
