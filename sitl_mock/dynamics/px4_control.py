@@ -96,7 +96,20 @@ class Px4Control:
             reference = _reference((estimate.position_ned_m, ZERO, ZERO))
             return _memory((kind, reference, ZERO, ZERO, spooled_s, *_UNMOVED)), demand
         if kind is _DIRECT:
-            return self._direct(memory, body, estimate, setpoint, dt_s)
+            # Open loop: lean and thrust for an acceleration in still air.
+            n, e, d = zero_where_ignored(setpoint.acceleration_ned_m_s2)
+            up = GRAVITY_M_S2 - d
+            side = math.hypot(n, e)
+            per = math.atan2(side, up) / side if side > 1e-9 else 0.0
+            turn, yaw_integral = self._yaw_rate(memory, body, setpoint, dt_s)
+            carried = Px4Memory(
+                kind,
+                Reference(estimate.position_ned_m, ZERO),
+                spooled_s=self.gains.spool_s,
+                ramped_s=self.gains.ramp_s,
+                yaw_integral_rad_s2=yaw_integral,
+            )
+            return carried, Demand(n * per, e * per, math.hypot(side, up), turn)
         return self._controlled(memory, body, estimate, setpoint, dt_s)
 
     def _controlled(  # noqa: PLR0914
@@ -156,7 +169,10 @@ class Px4Control:
             integral = Vector((0.0, 0.0, integral[2] if ramped_s > 0.0 and not flying else 0.0))
         turn, yaw_integral = self._yaw_rate(memory, body, setpoint, dt_s)
         if not on_ground:
-            hover_m_s2 = self._hover(hover_m_s2, body, dt_s)
+            # Drag makes the estimate of the hover thrust too low in descents and too high in climbs.
+            lift = body.thrust_m_s2 * math.cos(math.hypot(body.lean_n_rad, body.lean_e_rad))
+            hovers = lift * GRAVITY_M_S2 / max(GRAVITY_M_S2 - now[2], 1.0)
+            hover_m_s2 += (hovers - hover_m_s2) * (1.0 - math.exp(-dt_s / gains.hover_lag_s))
         carried = (
             setpoint.kind,
             reference,
@@ -202,27 +218,6 @@ class Px4Control:
         if ahead_n * started.velocity_ned_m_s[0] + ahead_e * started.velocity_ned_m_s[1] > 0.0:
             dt_s *= 1.0 - min(math.hypot(ahead_n, ahead_e) / self.gains.xy_error_max_m, 0.99)
         return travel(limits, started, setpoint, dt_s)
-
-    def _direct(
-        self, before: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
-    ) -> tuple[Px4Memory, Demand]:
-        """Open loop: lean and thrust for an acceleration in still air."""
-        gains = self.gains
-        n, e, d = zero_where_ignored(setpoint.acceleration_ned_m_s2)
-        up = GRAVITY_M_S2 - d
-        side = math.hypot(n, e)
-        per = math.atan2(side, up) / side if side > 1e-9 else 0.0
-        memory = Px4Memory(
-            setpoint.kind,
-            Reference(estimate.position_ned_m, ZERO),
-            ZERO,
-            ZERO,
-            gains.spool_s,
-            gains.ramp_s,
-        )
-        turn, yaw_integral = self._yaw_rate(before, body, setpoint, dt_s)
-        memory = memory._replace(yaw_integral_rad_s2=yaw_integral)
-        return memory, Demand(n * per, e * per, math.hypot(side, up), turn)
 
     def _thrust_least(self) -> float:
         return self.gains.thrust_min * self.thrust_max_m_s2
@@ -338,12 +333,6 @@ class Px4Control:
         per = lean_per_acceleration(tilt_tan)
         thrust = lift * math.sqrt(1.0 + tilt_tan * tilt_tan)
         return integral, (a_n * per, a_e * per), thrust
-
-    def _hover(self, hover_m_s2: float, body: Body, dt_s: float) -> float:
-        """Advance the hover thrust estimate; drag makes it too low in descents and too high in climbs."""
-        lift = body.thrust_m_s2 * math.cos(math.hypot(body.lean_n_rad, body.lean_e_rad))
-        hovers = lift * GRAVITY_M_S2 / max(GRAVITY_M_S2 - body.acceleration_ned_m_s2[2], 1.0)
-        return hover_m_s2 + (hovers - hover_m_s2) * (1.0 - math.exp(-dt_s / self.gains.hover_lag_s))
 
     def _yaw_rate(
         self, memory: Px4Memory, body: Body, setpoint: Setpoint, dt_s: float

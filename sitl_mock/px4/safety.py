@@ -282,28 +282,27 @@ def wrong(
     if parameters["COM_RC_IN_MODE"] == NO_STICKS:
         pilot_lost = False
     ground_lost = "ground station lost" in lost
+    # Outside of the fence around home, or of the uploaded one.
+    violates = state.conditions.fence_breach
+    if not violates and state.home_m is not None and state.estimator.global_valid:
+        north, east, down = state.position_m
+        home_n, home_e, home_d = state.home_m
+        far_m = math.hypot(north - home_n, east - home_e)
+        violates = (
+            0.0 < parameters["GF_MAX_HOR_DIST"] < far_m
+            or 0.0 < parameters["GF_MAX_VER_DIST"] < home_d - down
+            or violated(plans.fence.items, state.frame, state.position_m)
+        )
     present = {
         "manual control lost": pilot_lost and not int(parameters["COM_RCL_EXCEPT"]) & excepted,
         "ground station lost": ground_lost and not int(parameters["COM_DLL_EXCEPT"]) & excepted,
         "onboard computer lost": "onboard computer lost" in lost,
-        "geofence violated": state.conditions.fence_breach or _fence(state, plans, parameters),
+        "geofence violated": violates,
         "battery low": charge < parameters["BAT_LOW_THR"],
         "battery critical": charge < parameters["BAT_CRIT_THR"],
         "battery emergency": charge < parameters["BAT_EMERGEN_THR"],
     }
     return frozenset(name for name, is_present in present.items() if is_present)
-
-
-def _fence(state: VehicleState, plans: PlanStore, parameters: Mapping[str, int | float]) -> bool:
-    if state.home_m is None or not state.estimator.global_valid:
-        return False
-    far_m = parameters["GF_MAX_HOR_DIST"]
-    high_m = parameters["GF_MAX_VER_DIST"]
-    (n, e, d) = state.position_m
-    (home_n, home_e, home_d) = state.home_m
-    if 0.0 < far_m < math.hypot(n - home_n, e - home_e) or 0.0 < high_m < home_d - d:
-        return True
-    return violated(plans.fence.items, state.frame, state.position_m)
 
 
 def refusals(state: VehicleState, mode: Mode, met: frozenset[Need]) -> list[str]:
