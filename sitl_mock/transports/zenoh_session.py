@@ -321,26 +321,23 @@ def read_keys(path: Path) -> dict[str, Any]:
         password = Path(document["password_file"]).read_text(encoding="utf-8").rstrip("\n")
         settings["auth"] = {"usrpwd": {"user": document["user"], "password": password}}
     if "tls_ca_file" in document:
-        settings["link"] = {"tls": _tls(path, document)}
+        authority = document["tls_ca_file"]
+        tls = {"root_ca_certificate": authority, "close_link_on_expiration": True}
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        try:
+            context.load_verify_locations(authority)
+            if "tls_certificate_file" in document:
+                certificate = document["tls_certificate_file"]
+                private_key = document["tls_key_file"]
+                context.load_cert_chain(certificate, private_key, password=str)
+                tls |= {
+                    "enable_mtls": True,
+                    "connect_certificate": certificate,
+                    "connect_private_key": private_key,
+                }
+        except ssl.SSLError as error:
+            raise ConfigError(
+                f"{path}: its certificates or its key are wrong ({error.reason or error})"
+            ) from None
+        settings["link"] = {"tls": tls}
     return settings
-
-
-def _tls(path: Path, given: dict[str, Any]) -> dict[str, Any]:
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    tls = {"root_ca_certificate": given["tls_ca_file"], "close_link_on_expiration": True}
-    try:
-        context.load_verify_locations(given["tls_ca_file"])
-        if "tls_certificate_file" in given:
-            certificate = given["tls_certificate_file"]
-            key = given["tls_key_file"]
-            context.load_cert_chain(certificate, key, password=str)
-            tls |= {
-                "enable_mtls": True,
-                "connect_certificate": certificate,
-                "connect_private_key": key,
-            }
-    except ssl.SSLError as error:
-        raise ConfigError(
-            f"{path}: its certificates or its key are wrong ({error.reason or error})"
-        ) from None
-    return tls
