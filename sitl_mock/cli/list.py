@@ -29,65 +29,46 @@ def list_(
     subjects = [Subject.FLAVOURS, Subject.FAULTS]
     if subject is not None:
         subjects = [subject]
-    typer.echo("\n\n".join("\n".join(_LISTS[subject](flavour)) for subject in subjects))
+    typer.echo("\n\n".join("\n".join(_lines(subject, flavour)) for subject in subjects))
 
 
-def _flavours(_flavour: str) -> "Iterator[str]":
-    from sitl_mock.flavours import NAMES, flavour_named  # noqa: PLC0415 - not needed for `--help`
-
-    yield "flavours (--vehicles flavour:name)"
-    for name in NAMES:
-        flavour = flavour_named(name)
-        yield f"  {name:<12} {flavour.title}; can be armed {flavour.ready_s:g} s after boot"
-
-
-def _faults(_flavour: str) -> "Iterator[str]":
-    from sitl_mock.faults import KINDS, Group  # noqa: PLC0415 - as above
-
-    for group in Group:
-        yield f"{group} faults (sitl-mock run --faults FILE, queries to <vehicle>/faults)"
-        for name, kind in KINDS.items():
-            if kind.group is group:
-                keys = ", ".join(kind.options)
-                yield f"  {name:<20} {kind.meaning}" + (f" [{keys}]" if keys else "")
-
-
-def _conditions(_flavour: str) -> "Iterator[str]":
+def _lines(subject: Subject, flavour: str) -> "Iterator[str]":
+    from sitl_mock.faults import KINDS, Group  # noqa: PLC0415 - not needed for `--help`
+    from sitl_mock.flavours import NAMES, flavour_named  # noqa: PLC0415 - as above
+    from sitl_mock.telemetry import builders_of  # noqa: PLC0415 - as above
     from sitl_mock.vehicle.conditions import CONDITIONS  # noqa: PLC0415 - as above
 
-    yield "conditions (MockVehicle.inject, fault scripts)"
-    for name, kind in CONDITIONS.items():
-        yield f"  {name:<18} {kind.meaning}{' (once)' if kind.event else f'; neutral {kind.rest!r}'}"
-
-
-def _parameters(flavour: str) -> "Iterator[str]":
-    from sitl_mock.flavours import flavour_named  # noqa: PLC0415 - as above
-
-    each = flavour_named(flavour)
-    yield f"parameters of {each.title}"
-    for parameter in sorted(each.parameters):
-        unit = f" {parameter.unit}" if parameter.unit else ""
-        yield f"  {parameter.name:<16} {parameter.default:g}{unit}  {parameter.meaning}"
-
-
-def _streams(flavour: str) -> "Iterator[str]":
-    from sitl_mock.flavours import flavour_named  # noqa: PLC0415 - as above
-    from sitl_mock.telemetry import builders_of  # noqa: PLC0415 - as above
-
-    each = flavour_named(flavour)
-    rates = each.rates_hz
-    yield f"streams of {flavour}: Hz on {', '.join(rates)} links by default; 0: only on request"
-    for name in sorted(builders_of(each.name).keys() - each.withheld):
-        yield f"  {name:<28} {'  '.join(f'{kind.get(name, 0):>5g}' for kind in rates.values())}"
-
-
-_LISTS = {
-    Subject.FLAVOURS: _flavours,
-    Subject.FAULTS: _faults,
-    Subject.CONDITIONS: _conditions,
-    Subject.PARAMETERS: _parameters,
-    Subject.STREAMS: _streams,
-}
+    match subject:
+        case Subject.FLAVOURS:
+            yield "flavours (--vehicles flavour:name)"
+            for name in NAMES:
+                each = flavour_named(name)
+                yield f"  {name:<12} {each.title}; can be armed {each.ready_s:g} s after boot"
+        case Subject.FAULTS:
+            for group in Group:
+                yield f"{group} faults (sitl-mock run --faults FILE, queries to <vehicle>/faults)"
+                of_group = {name: kind for name, kind in KINDS.items() if kind.group is group}
+                for name, kind in of_group.items():
+                    keys = ", ".join(kind.options)
+                    yield f"  {name:<20} {kind.meaning}" + (f" [{keys}]" if keys else "")
+        case Subject.CONDITIONS:
+            yield "conditions (MockVehicle.inject, fault scripts)"
+            for name, condition in CONDITIONS.items():
+                rest = " (once)" if condition.event else f"; neutral {condition.rest!r}"
+                yield f"  {name:<18} {condition.meaning}{rest}"
+        case Subject.PARAMETERS:
+            each = flavour_named(flavour)
+            yield f"parameters of {each.title}"
+            for parameter in sorted(each.parameters):
+                unit = f" {parameter.unit}" if parameter.unit else ""
+                yield f"  {parameter.name:<16} {parameter.default:g}{unit}  {parameter.meaning}"
+        case Subject.STREAMS:
+            each = flavour_named(flavour)
+            rates = each.rates_hz.values()
+            links = ", ".join(each.rates_hz)
+            yield f"streams of {flavour}: Hz on {links} links by default; 0: only on request"
+            for name in sorted(builders_of(each.name).keys() - each.withheld):
+                yield f"  {name:<28} {'  '.join(f'{kind.get(name, 0):>5g}' for kind in rates)}"
 
 
 def modes(
