@@ -350,7 +350,17 @@ def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
     if fault["type"] == "extra_forbidden":
         if key in RENAMED:
             return f"{key}: was renamed to {RENAMED[key]}"
-        allowed = sorted(_section_at(model, location[:-1]))
+        # What is allowed there, following optional sections and tables.
+        section: type[BaseModel] | None = model
+        for part in location[:-1]:
+            field = section.model_fields.get(part) if section else None
+            section = _model_in(field.annotation) if field else section
+        names = set[str]()
+        if section is not None:
+            names = {field.alias or name for name, field in section.model_fields.items()}
+            if issubclass(section, Extended):
+                names.update(section.further_names())
+        allowed = sorted(names)
         near = difflib.get_close_matches(location[-1], allowed, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"allowed here: {', '.join(allowed)}"
         if location[-1] in allowed:
@@ -370,18 +380,6 @@ def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
     message = re.sub(size, r"must have \2 values at \1", message[0].lower() + message[1:])
     words = re.sub(r"^input should be ", "must be ", message)
     return f"{key} = {as_toml(fault['input'])}: {words}"
-
-
-def _section_at(model: type[BaseModel], location: list[str]) -> set[str]:
-    """Return the keys allowed at a location, following optional sections and tables."""
-    section: type[BaseModel] | None = model
-    for part in location:
-        field = section.model_fields.get(part) if section else None
-        section = _model_in(field.annotation) if field else section
-    if section is None:
-        return set()
-    allowed = {field.alias or name for name, field in section.model_fields.items()}
-    return allowed.union(section.further_names()) if issubclass(section, Extended) else allowed
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401 - a type annotation can be any object

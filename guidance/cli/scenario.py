@@ -190,10 +190,13 @@ def _verdicts(
         values: Mapping[str, Any] = summary_of(rows)
     else:
         values = rows[0]._asdict()
-        units = {name: _unit(name) for name in values}
-        units["regret"] = "s" if scenario.game == "pe" else "m"
+        units = {"regret": "s" if scenario.game == "pe" else "m"}
+        for name in values:
+            for ending, unit in (("_m_s", "m/s"), ("_m", "m"), ("_s", "s")):
+                if name.endswith(ending):
+                    units.setdefault(name, unit)
         texts = [
-            (name, as_text(value, units[name]))
+            (name, as_text(value, units.get(name, "")))
             for name, value in values.items()
             if name != "scenario"
         ]
@@ -208,14 +211,6 @@ def _verdicts(
         headings = ("column", "expected", "came out", "verdict")
         screen.print(text_table(headings, cells, left=range(4), title="expected"))
     return verdicts
-
-
-def _unit(column: str) -> str:
-    """Return the unit that ends the name of a column."""
-    for ending, unit in (("_m_s", "m/s"), ("_m", "m"), ("_s", "s")):
-        if column.endswith(ending):
-            return unit
-    return ""
 
 
 @scenario.command(name="list")

@@ -323,17 +323,18 @@ def write_csv(path: Path, out: Path) -> int:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(types)
         for row in _rows(path):
-            writer.writerow([_cell(row.get(name), kind) for name, kind in types.items()])
+            cells = []
+            for name, kind in types.items():
+                value = row.get(name)
+                if value is None or value != value:  # noqa: PLR0124 - NaN
+                    cells.append("")
+                elif kind is bool:
+                    cells.append(str(value).lower())
+                else:
+                    cells.append(str(float(value) if kind is float else value))
+            writer.writerow(cells)
             count += 1
     return count
-
-
-def _cell(value: object, kind: type) -> str:
-    if value is None or value != value:  # noqa: PLR0124 - NaN
-        return ""
-    if kind is bool:
-        return str(value).lower()
-    return str(float(value) if kind is float else value)  # type: ignore[arg-type]
 
 
 def write_parquet(path: Path, out: Path) -> int:

@@ -4,7 +4,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -185,26 +185,25 @@ def _from_csv(path: Path) -> list[TrackRow]:
         for name in _COLUMNS:
             if header.count(name) > 1:
                 raise ValueError(f"row 1: column {name} is there {header.count(name)} times")
-        return [_track_row(header, cells, lines.line_num) for cells in lines if cells]
+        rows = []
+        for cells in filter(None, lines):
+            number = lines.line_num
+            if len(cells) != len(header):
+                missing_value = ""
+                if len(cells) < len(header):
+                    missing_value = f", no value for {header[len(cells)]}"
+                counts = f"{len(cells)} values for {len(header)} columns"
+                raise ValueError(f"row {number}: {counts}{missing_value}")
+            texts = dict(zip(header, cells, strict=True))
+            t_s, x_m, y_m = (_number(texts[name], name, number) for name in _COLUMNS[:3])
+            height = texts.get(_COLUMNS[3], "").strip()
+            z_m = 0.0
+            if height:
+                z_m = _number(height, _COLUMNS[3], number)
+            rows.append((t_s, x_m, y_m, z_m))
     except csv.Error as error:
         raise ValueError(f"row {lines.line_num}: {error}") from error
-
-
-def _track_row(header: Sequence[str], cells: Sequence[str], number: int) -> TrackRow:
-    if len(cells) != len(header):
-        missing_value = ""
-        if len(cells) < len(header):
-            missing_value = f", no value for {header[len(cells)]}"
-        counts = f"{len(cells)} values for {len(header)} columns"
-        raise ValueError(f"row {number}: {counts}{missing_value}")
-    texts = dict(zip(header, cells, strict=True))
-    values = [_number(texts[name], name, number) for name in _COLUMNS[:3]]
-    height = texts.get(_COLUMNS[3], "").strip()
-    z_m = 0.0
-    if height:
-        z_m = _number(height, _COLUMNS[3], number)
-    t_s, x_m, y_m = values
-    return (t_s, x_m, y_m, z_m)
+    return rows
 
 
 def _number(text: str, column: str, row: int) -> float:

@@ -11,7 +11,6 @@ from typing import Any, Final
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 from rich.console import Console
 
 from guidance.files import private_folder, writing
@@ -97,34 +96,33 @@ def write_sweep_report(path: Path, out: Path, *, worst: int, as_json: bool = Fal
 
 def _keys(plan: Plan, axis: Axis, rows: Columns) -> Iterator[Key]:
     """Yield groups of rows: by the values of a grid, or by ten even bins of each random number."""
+    centres: Sequence[float]
     if axis.random is not None:
         for column in axis.columns():
-            yield _bins(column, rows[column])
+            numbers = rows[column]
+            if numbers.dtype.kind == "f":
+                edges = np.linspace(numbers.min(), numbers.max(), _BINS + 1)
+                bounds = itertools.pairwise(edges.tolist())
+                labels = [f"{low:.4g} to {high:.4g}" for low, high in bounds]
+                centres = (0.5 * (edges[1:] + edges[:-1])).tolist()
+                inner_edges = edges[1:-1]
+                places = np.searchsorted(inner_edges, numbers, side="right")
+            else:
+                texts, places = np.unique(numbers.astype(str), return_inverse=True)
+                labels = texts.tolist()
+                centres = range(len(labels))
+            yield Key(column, labels, centres, places, grid=False)
     elif len(axis.values) > 1:
         number = plan.axes.index(axis)
         places = plan.on_axes(rows[POINT_NUMBER])[number]
         labels = [
             f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values
         ]
-        centres: Sequence[float] = range(len(labels))
+        centres = range(len(labels))
         are_numbers = all(isinstance(value, (int, float)) for value in axis.values)
         if are_numbers:
             centres = axis.values
         yield Key(axis.key, labels, centres, places, grid=True)
-
-
-def _bins(column: str, numbers: NDArray[Any]) -> Key:
-    """Group the values of a random column: numbers by ten even bins, others by value."""
-    if numbers.dtype.kind != "f":
-        texts, places = np.unique(numbers.astype(str), return_inverse=True)
-        return Key(column, texts.tolist(), range(len(texts)), places, grid=False)
-    edges = np.linspace(numbers.min(), numbers.max(), _BINS + 1)
-    bounds = itertools.pairwise(edges.tolist())
-    labels = [f"{low:.4g} to {high:.4g}" for low, high in bounds]
-    centres = 0.5 * (edges[1:] + edges[:-1])
-    inner_edges = edges[1:-1]
-    places = np.searchsorted(inner_edges, numbers, side="right")
-    return Key(column, labels, centres.tolist(), places, grid=False)
 
 
 def summed_up(

@@ -361,8 +361,7 @@ def write_animation(history: FlightHistory, path: Path) -> None:
     evader_m = history.column("evader_m")[cycles]
     apart_m = pursuer_m - evader_m
     distance_m = np.linalg.norm(apart_m[:, :2], axis=-1)
-    height = np.column_stack([distance_m, apart_m[:, 2]])
-    tracks = _MovingTracks(pursuer_m, evader_m, height)
+    tracks = _MovingTracks(pursuer_m, evader_m, np.column_stack([distance_m, apart_m[:, 2]]))
     largest_m = np.nan_to_num(tracks.height).max(axis=0)
     stage = _stage(history, np.maximum(1.0, largest_m))
     images = []
@@ -371,7 +370,20 @@ def write_animation(history: FlightHistory, path: Path) -> None:
     for number in counted(frames, "drawing the moving picture", len(frames)):
         played_s = max(0.0, now_s[cycles[number]] - engaged_s)
         images.append(_frame(stage, history, tracks, number, played_s))
-    _save_moving(images, path, history.survey.metadata.get(SCENARIO, ""))
+    # In a loop, which stands still at its end. The picture's description is the scenario.
+    about = Image.Exif()
+    about[ExifTags.Base.ImageDescription] = history.survey.metadata.get(SCENARIO, "")
+    times_ms = [FRAME_MS] * (len(images) - 1) + [20 * FRAME_MS]
+    images[0].save(
+        private_file(path),
+        save_all=True,
+        append_images=images[1:],
+        duration=times_ms,
+        loop=0,
+        quality=55,
+        method=4,
+        exif=about,
+    )
 
 
 class _MovingTracks(NamedTuple):
@@ -453,24 +465,6 @@ def _frame(
     canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())
     return Image.fromarray(pixels).convert("RGB")
-
-
-def _save_moving(images: Sequence[Image.Image], path: Path, scenario: str) -> None:
-    """Write pictures as one that moves, in a loop, and stands still at its end. Its description is the scenario."""
-    first, *later = images
-    about = Image.Exif()
-    about[ExifTags.Base.ImageDescription] = scenario
-    times_ms = [FRAME_MS] * len(later) + [20 * FRAME_MS]
-    first.save(
-        private_file(path),
-        save_all=True,
-        append_images=later,
-        duration=times_ms,
-        loop=0,
-        quality=55,
-        method=4,
-        exif=about,
-    )
 
 
 PICTURES: Final = {

@@ -160,13 +160,18 @@ def read_reply(data: bytes, name: str, order: str) -> Reply:
     Returns:
         At least `name`, `order` and `accepted`. Texts have no control characters.
     """
+    if len(data) > MAX_REPLY_BYTES:
+        return bad_reply(name, order, f"{len(data)} bytes; at most {MAX_REPLY_BYTES} are read")
     try:
-        reply = _parsed(data)
-        _check(reply, order)
+        reply = _cleaned(json.loads(data), 0)
+        if isinstance(reply, dict):
+            _check(reply, order)
     except _UnusableError as error:
         return bad_reply(name, order, str(error))
     except (ValueError, RecursionError):
         return bad_reply(name, order, "it is not JSON")
+    if not isinstance(reply, dict):
+        return bad_reply(name, order, "it is not a JSON object")
     return {**reply, "name": name, "order": order}
 
 
@@ -210,15 +215,6 @@ def _without_nan(value: Any) -> Any:  # noqa: ANN401 - JSON
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def _parsed(data: bytes) -> dict[str, Any]:
-    if len(data) > MAX_REPLY_BYTES:
-        raise _UnusableError(f"{len(data)} bytes; at most {MAX_REPLY_BYTES} are read")
-    reply = _cleaned(json.loads(data), 0)
-    if not isinstance(reply, dict):
-        raise _UnusableError("it is not a JSON object")
-    return reply
 
 
 def _cleaned(value: Any, depth: int) -> Any:  # noqa: ANN401 - JSON
