@@ -362,21 +362,17 @@ class Observed:
             return
         self.aircraft[state.name] = state
         if len(self.aircraft) > MOST_AIRCRAFT:
-            self.aircraft.pop(self._farthest_aircraft(here_ned_m, state.at_s, frame))
+            away_m = {
+                name: math.dist(self._around(other, state.at_s, frame).position_ned_m, here_ned_m)
+                for name, other in self.aircraft.items()
+            }
+            farthest = max(away_m, key=lambda name: away_m[name])
+            del self.aircraft[farthest]
         since_note_s = report.received_s - self._noted_s
         if before is None and state.name in self.aircraft and since_note_s >= AIRCRAFT_NOTE_EVERY_S:
             self._noted_s = report.received_s
             words = f"{state.name}, {distance_m:.0f} m away, unsigned"
             self.notes.append((Event.AIRCRAFT, words))
-
-    def _farthest_aircraft(self, here_ned_m: Ned, now_s: float, frame: LocalFrame) -> str:
-        """Return the name of the aircraft that is farthest from here."""
-
-        def distance_m(name: str) -> float:
-            around = self._around(self.aircraft[name], now_s, frame)
-            return math.dist(around.position_ned_m, here_ned_m)
-
-        return max(self.aircraft, key=distance_m)
 
     def _place(self) -> None:
         """Compute the positions of vehicle, fences and start in the present local frame."""

@@ -193,7 +193,15 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
         advice = "wait for the estimator's position; check that both are streamed"
         yield Finding("position", "unknown", expected, Verdict.REFUSE, advice)
         return
-    yield from _datum_rows(on_map, local, home, frame)
+    # The position on the map against the one in the local frame, and the heights above sea level and home.
+    altitude = Amsl(on_map.altitude_amsl_m)
+    on_map_ned_m = frame.ned_from_wgs84(on_map.latitude_deg, on_map.longitude_deg, altitude)
+    apart_m = math.dist(on_map_ned_m, local.position_ned_m)
+    advice = "LOCAL_POSITION_NED and GLOBAL_POSITION_INT contradict each other: restart the autopilot here"
+    yield _limit_finding("local = global", apart_m, _AGREEMENT_M, "m apart", advice)
+    difference_m = abs(on_map.altitude_amsl_m - on_map.altitude_above_home_m - home.altitude_amsl_m)
+    advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
+    yield _limit_finding("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
     yield from _evader_rows(facts.evader, home, frame, wants)
     if not facts.vehicle.armed:
         away_m = math.dist(local.position_ned_m[:2], home.position_ned_m[:2])
@@ -214,24 +222,6 @@ def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
     charge = status.battery_remaining
     advice = "charge the battery or make the fence smaller; see flight.reserve"
     return Finding.of(charge >= needed, name, f"{charge:.0%}", expected, advice)
-
-
-def _datum_rows(
-    on_map: messages.GlobalPosition,
-    local: messages.LocalPosition,
-    home: messages.Home,
-    frame: LocalFrame,
-) -> Iterator[Finding]:
-    """Compare the position on the map with the one in the local frame, and the heights above sea level and home."""
-    altitude = Amsl(on_map.altitude_amsl_m)
-    on_map_ned_m = frame.ned_from_wgs84(on_map.latitude_deg, on_map.longitude_deg, altitude)
-    apart_m = math.dist(on_map_ned_m, local.position_ned_m)
-    advice = "LOCAL_POSITION_NED and GLOBAL_POSITION_INT contradict each other: restart the autopilot here"
-    yield _limit_finding("local = global", apart_m, _AGREEMENT_M, "m apart", advice)
-    home_amsl_m = on_map.altitude_amsl_m - on_map.altitude_above_home_m
-    difference_m = abs(home_amsl_m - home.altitude_amsl_m)
-    advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
-    yield _limit_finding("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
 
 
 def _evader_rows(

@@ -120,9 +120,33 @@ class GroundLink:
                     if frame.system_id in self._stations:
                         self._problem(frame)
                     continue
-                command = self._command(frame)
-                if command is not None:
-                    commands.append(command)
+                fields = frame.fields
+                to = (fields.target_system, fields.target_component)
+                if to != (self._system_id, COMPONENT_ID):
+                    continue
+                if frame.system_id not in self._stations:
+                    self.counts["foreign"] += 1
+                    continue
+                problem = self._problem(frame)
+                if problem is None:
+                    self._commands[frame.system_id] += 1
+                    if self._commands[frame.system_id] > MOST_COMMANDS_PER_S:
+                        problem = "dropped"
+                if problem is not None:
+                    self.counts[problem] += 1
+                    continue
+                self.counts["commands"] += 1
+                command = StationCommand(
+                    frame.system_id,
+                    frame.component_id,
+                    fields.command,
+                    signed=self._station.check is not None,
+                    parameters=tuple(
+                        str(getattr(fields, f"param{number}")) for number in range(1, 8)
+                    ),
+                    repeated=fields.confirmation > 0,
+                )
+                commands.append(command)
         return commands
 
     def _problem(self, frame: Frame) -> str | None:
@@ -135,31 +159,6 @@ class GroundLink:
         problem = check.problem(frame)
         self._forged += problem == "refused"
         return problem
-
-    def _command(self, frame: Frame) -> StationCommand | None:
-        fields = frame.fields
-        if (fields.target_system, fields.target_component) != (self._system_id, COMPONENT_ID):
-            return None
-        if frame.system_id not in self._stations:
-            self.counts["foreign"] += 1
-            return None
-        problem = self._problem(frame)
-        if problem is None:
-            self._commands[frame.system_id] += 1
-            if self._commands[frame.system_id] > MOST_COMMANDS_PER_S:
-                problem = "dropped"
-        if problem is not None:
-            self.counts[problem] += 1
-            return None
-        self.counts["commands"] += 1
-        return StationCommand(
-            frame.system_id,
-            frame.component_id,
-            fields.command,
-            signed=self._station.check is not None,
-            parameters=tuple(str(getattr(fields, f"param{number}")) for number in range(1, 8)),
-            repeated=fields.confirmation > 0,
-        )
 
     def answer(self, command: StationCommand, result: int) -> None:
         """Send a COMMAND_ACK with a MAV_RESULT to the sender of a command."""
