@@ -249,8 +249,23 @@ def _solve_rows(
 ) -> Solution:
     """Solve a batch, a short one row by row and a long one chunk by chunk."""
     count = math.prod(shape)
-    if 0 < count <= _FEW and not game.varies and named["pursuer"].dtype == np.float64:
-        return _solve_each(game, shape, named, out)
+    like = named["pursuer"]
+    if 0 < count <= _FEW and not game.varies and like.dtype == np.float64:
+        vectors_of_rows = [
+            np.broadcast_to(named[name], (*shape, 3)).reshape(count, 3).tolist()
+            if name in named
+            else [None] * count
+            for name in NAMES
+        ]
+        answers = [
+            solve_state(game, P, E, T, evader_velocity_m_s=observed)
+            for P, E, T, observed in zip(*vectors_of_rows, strict=True)
+        ]
+        if out is None:
+            out = _empty(shape, like)
+        for field, column in zip(out, zip(*answers, strict=True), strict=True):
+            field[...] = np.array(column).reshape(field.shape)
+        return out
     # A shape takes many calls for a few rows each, which cost as much for a long chunk as for a short one
     chunk_rows = ROWS if game.target_extent.is_point else 2 * ROWS
     if count <= chunk_rows:
@@ -262,7 +277,6 @@ def _solve_rows(
                     name: np.broadcast_to(vector, (*shape, 3)) for name, vector in named.items()
                 }
         return _solve(NUMPY, game, shape, named, out)
-    like = named["pursuer"]
     if out is None:
         out = _empty(shape, like)
     rows = {
@@ -284,28 +298,6 @@ def _solve_rows(
     if flat_out is not out:
         for field, flat in zip(out, flat_out, strict=True):
             field[...] = flat.reshape(field.shape)
-    return out
-
-
-def _solve_each(
-    game: Game, shape: tuple[int, ...], named: dict[str, Array], out: Solution | None
-) -> Solution:
-    """Solve a few states, each by itself."""
-    count = math.prod(shape)
-    vectors_of_rows = [
-        np.broadcast_to(named[name], (*shape, 3)).reshape(count, 3).tolist()
-        if name in named
-        else [None] * count
-        for name in NAMES
-    ]
-    answers = [
-        solve_state(game, P, E, T, evader_velocity_m_s=observed)
-        for P, E, T, observed in zip(*vectors_of_rows, strict=True)
-    ]
-    if out is None:
-        out = _empty(shape, named["pursuer"])
-    for field, column in zip(out, zip(*answers, strict=True), strict=True):
-        field[...] = np.array(column).reshape(field.shape)
     return out
 
 

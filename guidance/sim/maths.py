@@ -367,23 +367,14 @@ def _smooth_s(
     straight = pursuer_bend_m_s + evader_bend_m_s <= _STRAIGHT * level_m_s
     beside_s = np.minimum(apart / (level_m_s + game.evader_speed_m_s), ahead.capture_s)
     meeting_s = np.where(straight, captured_s, beside_s)
-    limit_s = _limit_s(batch, P, v, straight, speeds.top_speed_m_s(NUMPY, level_m_s))
-    least_s = np.minimum(meeting_s, limit_s)
-    return np.asarray(share * np.minimum(least_s, ahead.arrival_s))
-
-
-def _limit_s(
-    batch: Batch, P: FloatArray, v: FloatArray, straight: NDArray[np.bool_], fastest_m_s: Real
-) -> FloatArray:
-    """Return the time, (n,), until the pursuer may reach fence, floor or ceiling; at v if it flies straight."""
+    # Fence, floor and ceiling
     out_m, outwards_m_s = _stretched(P[:, :2] - batch.home_m, v)
-    height_m = P[:, 2]
     climb_m_s = v[:, 2]
-    room_m = np.stack(
-        [batch.fence_m - out_m, height_m - batch.lowest_m, batch.highest_m - height_m]
-    )
+    room_m = np.stack([batch.fence_m - out_m, P[:, 2] - batch.lowest_m, batch.highest_m - P[:, 2]])
+    fastest_m_s = speeds.top_speed_m_s(NUMPY, level_m_s)
     rate_m_s = np.where(straight, [-outwards_m_s, climb_m_s, -climb_m_s], -fastest_m_s)
-    return np.asarray(_zero_s(room_m, rate_m_s).min(axis=0))
+    least_s = np.minimum(meeting_s, _zero_s(room_m, rate_m_s).min(axis=0))
+    return np.asarray(share * np.minimum(least_s, ahead.arrival_s))
 
 
 def _captured_s(batch: Batch, moment: BatchMoment, closing_m_s: FloatArray) -> FloatArray:

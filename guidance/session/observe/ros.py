@@ -21,7 +21,7 @@ from guidance.links.zenoh import ros_types
 from guidance.links.zenoh.access import credentials_of
 from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh.rmw import DEPTH, RosNode, RosPublisher, ServiceRequest
-from guidance.links.zenoh.session import Session, close_all, is_over, open_session
+from guidance.links.zenoh.session import close_all, is_over, open_session
 from guidance.log.entries import CycleEntry, EventEntry
 from guidance.log.export import started_unix_s
 from guidance.log.ros import (
@@ -129,9 +129,22 @@ class RosOutput(Sink):
             self._waiting.append(entry)
 
     def _run(self) -> None:
-        session = self._joined()
-        if session is None:
-            return
+        session = None
+        is_logged = False
+        while session is None:
+            if is_over(self._stop):
+                return
+            try:
+                session = open_session(
+                    self._section.endpoint, timeout_s=_ROUTER_S, credentials=self._credentials
+                )
+            except LinkError as error:
+                if not is_logged:
+                    is_logged = True
+                    self._log.warning("no ROS 2 topics yet, trying again: %s", error)
+                if is_over(self._stop, RETRY_S):
+                    return
+                self._publish()  # the flight is followed from its beginning
         try:
             # Appear in the ROS graph with all topics and services.
             vehicle = self._flight.name
@@ -160,23 +173,6 @@ class RosOutput(Sink):
             self._log.warning("no more ROS 2 topics: %s", error)
         finally:
             close_all(session.close)
-
-    def _joined(self) -> Session | None:
-        """Return a session on the router as soon as it answers; None at the end."""
-        is_logged = False
-        while not is_over(self._stop):
-            try:
-                return open_session(
-                    self._section.endpoint, timeout_s=_ROUTER_S, credentials=self._credentials
-                )
-            except LinkError as error:
-                if not is_logged:
-                    is_logged = True
-                    self._log.warning("no ROS 2 topics yet, trying again: %s", error)
-            if is_over(self._stop, RETRY_S):
-                return None
-            self._publish()  # the flight is followed from its beginning
-        return None
 
     def _publish(self) -> None:
         """Make and send the messages of all entries that wait, as far as somebody subscribes."""
