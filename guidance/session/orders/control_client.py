@@ -130,9 +130,13 @@ def order_team(
     Raises:
         LinkError: If no vehicle of the team answers.
     """
+
+    def asked(word: str) -> dict[str, Reply]:
+        return _team_answers(session, word, team, names, by, timeout_s)
+
     if order not in _ALL_OR_NONE:
-        return list(_team_answers(session, order, team, names, by, timeout_s).values())
-    statuses = _team_answers(session, STATUS, team, names, by, timeout_s)
+        return list(asked(order).values())
+    statuses = asked(STATUS)
     reasons = {}
     for name, status in statuses.items():
         if status.get("reason"):
@@ -144,7 +148,7 @@ def order_team(
             else:
                 reasons[name] = str(foreseen[order])
     if not any(reasons.values()):
-        return list(_team_answers(session, order, team, names, by, timeout_s).values())
+        return list(asked(order).values())
     others = f"waits for {', '.join(name for name, reason in reasons.items() if reason)}"
     return [
         refused(name, order, str(statuses[name].get("state", "")), reason or others)
