@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from sitl_mock.errors import ConfigError
+from sitl_mock.tables import flag
 from sitl_mock.vector import ZERO, Vector
 
 
@@ -33,12 +34,6 @@ def _number(low: float, high: float) -> Callable[[Any], float]:
     return parse
 
 
-def _flag(value: Any) -> bool:  # noqa: ANN401 - anything may come from a file
-    if not isinstance(value, bool):
-        raise ValueError("true or false")  # noqa: TRY004 - one kind of error for every wrong value
-    return value
-
-
 def _numbers(value: Any, count: int) -> tuple[float, ...]:  # noqa: ANN401 - anything may come from a file
     numbers = tuple(float(item) for item in value)
     if len(numbers) != count:
@@ -51,14 +46,10 @@ def _vector(value: Any) -> Vector:  # noqa: ANN401 - anything may come from a fi
     return Vector((north, east, down))
 
 
-def _text(value: Any) -> str:  # noqa: ANN401 - anything may come from a file
-    return str(value)
-
-
 CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
     {
         "pilot_mode": ConditionKind(
-            "the pilot switches to this mode (its name)", "", _text, event=True
+            "the pilot switches to this mode (its name)", "", str, event=True
         ),
         "sticks": ConditionKind(
             "a radio is present with sticks at roll, pitch, throttle, yaw in [-1, 1]",
@@ -66,11 +57,11 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
             lambda value: _numbers(value, 4),
         ),
         "rc": ConditionKind(
-            "a radio is present with centred sticks; false: it is lost", None, _flag
+            "a radio is present with centred sticks; false: it is lost", None, flag
         ),
-        "gcs_lost": ConditionKind("heartbeats of ground stations are not heard", False, _flag),
-        "arm_refused": ConditionKind("arming is refused with this reason", "", _text),
-        "offboard_refused": ConditionKind("OFFBOARD or GUIDED is refused", False, _flag),
+        "gcs_lost": ConditionKind("heartbeats of ground stations are not heard", False, flag),
+        "arm_refused": ConditionKind("arming is refused with this reason", "", str),
+        "offboard_refused": ConditionKind("OFFBOARD or GUIDED is refused", False, flag),
         "ekf_jump_m": ConditionKind(
             "the position estimate jumps by north, east, down",
             ZERO,
@@ -80,7 +71,7 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
         "ekf_yaw_jump_deg": ConditionKind(
             "the heading estimate jumps", 0.0, _number(-180.0, 180.0), event=True
         ),
-        "gps_lost": ConditionKind("the receiver has no fix", False, _flag),
+        "gps_lost": ConditionKind("the receiver has no fix", False, flag),
         "eph_m": ConditionKind(
             "horizontal uncertainty grows to at least this", 0.0, _number(0.0, 1e4)
         ),
@@ -91,9 +82,9 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
         ),
         "thrust_share": ConditionKind("produced over demanded thrust", 1.0, _number(0.0, 1.0)),
         "estimator_invalid": ConditionKind(
-            "position and velocity estimates are invalid", False, _flag
+            "position and velocity estimates are invalid", False, flag
         ),
-        "fence_breach": ConditionKind("the fence counts as breached", False, _flag),
+        "fence_breach": ConditionKind("the fence counts as breached", False, flag),
         "battery": ConditionKind("charge left, a fraction", 1.0, _number(0.0, 1.0), event=True),
         "wind_m_s": ConditionKind("wind towards north, east, down", ZERO, _vector),
         "gust_m_s": ConditionKind("gusts of this standard deviation", 0.0, _number(0.0, 30.0)),
@@ -103,10 +94,10 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
             _vector,
             event=True,
         ),
-        "telemetry_frozen": ConditionKind("only HEARTBEAT is sent", False, _flag),
-        "silent": ConditionKind("nothing is sent", False, _flag),
+        "telemetry_frozen": ConditionKind("only HEARTBEAT is sent", False, flag),
+        "silent": ConditionKind("nothing is sent", False, flag),
         "reboot": ConditionKind(
-            "the autopilot restarts, also in flight; its clock restarts", True, _flag, event=True
+            "the autopilot restarts, also in flight; its clock restarts", True, flag, event=True
         ),
         "time_jump_s": ConditionKind("time since boot jumps", 0.0, _number(-1e7, 1e7), event=True),
     }
