@@ -172,7 +172,7 @@ class ArduPilot:
         if mode == "GUIDED" and state.conditions.offboard_refused:
             objection = "init failed"
         elif not state.armed and self.firmware.flies:
-            objection = ""  # whatever is missing
+            objection = ""  # a disarmed copter accepts any mode
         elif missing & {Need.LOCAL_POSITION, Need.GLOBAL_POSITION}:
             objection = "requires position"
         elif missing:

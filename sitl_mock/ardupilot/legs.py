@@ -172,7 +172,7 @@ class Legs:
             ahead = curve(
                 present.goal_m, following.position_m, now_s, following.speed_m_s, state.parameters
             )
-            # It begins when the sum of both legs passes the corner within the radius at half of the time left.
+            # It begins if the sum of both legs passes the corner within the radius at half of the time left.
             left_s = present.end_s - now_s
             if left_s <= min(present.rise.lasts_s, ahead.rise.lasts_s):
                 to_go = present.rise.at(left_s / 2.0).distance_m

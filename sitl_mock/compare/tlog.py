@@ -153,7 +153,7 @@ def steady_times(frames: Sequence[TimedFrame], ids: tuple[int, int]) -> tuple[li
         frames: In the order of the file.
         ids: System and component id of the vehicle, whose `time_boot_ms` judges long silences.
     """
-    # The vehicle's clock at every frame, of the next message that has it; 0 behind the last one.
+    # The vehicle's clock at every frame: that of the next message with a clock, 0 after the last one.
     clocks_s = [0.0] * len(frames)
     own_clock_s = 0.0
     for index in reversed(range(len(frames))):

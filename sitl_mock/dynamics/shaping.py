@@ -338,7 +338,7 @@ def _towards(
         gain_1_s = approach_gain_1_s(limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s)
         wanted_d = approach_one(to_d, climb, sink, limits.accel_z_m_s2, gain_1_s)
     if limits.straight:
-        # One direction is slowed down so that the velocity points at the goal.
+        # Slow one direction down so that the velocity points at the goal.
         level_m = math.hypot(to_n, to_e)
         high_m = abs(to_d)
         if not math.isnan(level_m + high_m) and min(level_m, high_m) >= _ALIGNED_M:

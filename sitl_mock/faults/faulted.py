@@ -119,7 +119,7 @@ class Faulted:
             self._before = self._states()
             self._change(now_s)
         else:
-            # Each fault begins and ends at its own time, which may follow from a change before it.
+            # One change after the other: each may give a waiting fault its time.
             while True:
                 coming = [live.end_s if live.acting else live.start_s for live in self._live]
                 next_s = min(coming, default=math.inf)

@@ -182,7 +182,7 @@ def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - a
         )
     if kind is None:
         raise ConfigError(f"{where}.kind = {name!r}: allowed are {', '.join(KINDS)}")
-    # The keys that all kinds share, with the defaults of this kind.
+    # Keys of all kinds, with the defaults of this kind.
     common = {**_COMMON, "for_s": Option("seconds", kind.for_s, number(0.0, _FOREVER_S))}
     if kind.scope is not None:
         common |= _FRAMES

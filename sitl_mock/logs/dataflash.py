@@ -137,13 +137,13 @@ def _records(content: bytes) -> Iterator[tuple[RecordKind, tuple[Any, ...]]]:
             return
         values = kind.unpack(content, at)
         if kind is FMT:
-            # The kind that the record describes; not FMT itself, nor what no record can be.
+            # A FMT record describes another kind. One about FMT itself or an impossible kind is ignored.
             number, _, name, letters, columns = values
             text = letters.rstrip(b"\0").decode(errors="replace")
             names = columns.rstrip(b"\0").decode(errors="replace")
             is_alike = set(text) <= _LETTERS.keys() and len(names.split(",")) == len(text)
             if number != _FMT and is_alike:
-                # One longer than the 255 bytes that a FMT record can name cannot be made.
+                # A kind longer than 255 bytes is refused.
                 with contextlib.suppress(struct.error):
                     title = name.rstrip(b"\0").decode(errors="replace")
                     kinds[number] = RecordKind(number, title, text, names)

@@ -142,7 +142,7 @@ class CommandProtocol:
                 for a, b in zip(command.params, tracked.params, strict=True)
             )
             counted = command.confirmation > 0 and now_s - tracked.at_s <= RESEND_WINDOW_S
-            # A command that is sent again is not executed again.
+            # A repeated command is not executed again; it gets its last answer.
             if same and (tracked.pending or counted):
                 sent = tracked.sent[-1:]
                 return [_ack(command.number, answer, command.source) for answer in sent]

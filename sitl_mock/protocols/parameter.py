@@ -359,7 +359,7 @@ class ParameterProtocol:
         replies: list[Reply] = []
         kind = message.get_type()
         if kind == "PARAM_REQUEST_READ":
-            # By its index or, where that is negative, by its name.
+            # A negative index asks by name.
             index = message.param_index
             name = message.param_id
             names = self._store.names

@@ -180,7 +180,7 @@ _STORED_FRAMES: Final[Mapping[int, int]] = {
     **dict.fromkeys(_RELATIVE, 3),
     **dict.fromkeys(_OVER_TERRAIN, 10),
 }
-"""The frame in which ArduPilot stores a place, by that in which it came."""
+"""Frame of a stored place, by the frame of the received one."""
 
 
 def _signed(value: float, like: float) -> float:

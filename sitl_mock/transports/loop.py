@@ -30,7 +30,7 @@ class Endpoint(Protocol):
 
     @property
     def dropped(self) -> int:
-        """Return how many frames were dropped."""
+        """Return the number of dropped frames."""
         ...
 
     def filenos(self) -> Sequence[int]:

@@ -71,7 +71,7 @@ class Px4ZenohEndpoint:
 
     @property
     def dropped(self) -> int:
-        """How many samples came while the queue was full, or were none of a topic."""
+        """Number of samples dropped in both directions."""
         return self._inbox.dropped
 
     def filenos(self) -> Sequence[int]:

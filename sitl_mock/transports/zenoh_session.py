@@ -78,10 +78,10 @@ def configuration(
 
 
 class Inbox:
-    """Samples that threads of a session bring, until the loop takes them; bounded, with a socket that wakes the loop.
+    """A bounded queue from the threads of a session to the loop, with a socket to wake the loop.
 
     Attributes:
-        dropped: How many samples came while it was full; an endpoint adds what it could not send.
+        dropped: Number of samples dropped while the queue was full; endpoints add the frames dropped by `send`.
     """
 
     def __init__(self) -> None:
@@ -94,12 +94,12 @@ class Inbox:
     def taker(
         self, vehicle: str, link: str, frame_of: Callable[[bytes], bytes] = bytes
     ) -> Callable[[Any], None]:
-        """Return what a subscriber calls with each sample, in a thread of the session.
+        """Return the callback of a subscriber; it runs in a thread of the session.
 
         Args:
-            vehicle: Whom the samples are for.
-            link: The link on which they come.
-            frame_of: What a payload is to the vehicle.
+            vehicle: Name of the vehicle.
+            link: Name of its link.
+            frame_of: Converts a payload to the vehicle's frame.
         """
         queue = self._queue
 
@@ -115,11 +115,11 @@ class Inbox:
         return take
 
     def filenos(self) -> Sequence[int]:
-        """Return what is readable when a sample has come."""
+        """Return the file descriptor to wait on."""
         return [self._wake_from.fileno()]
 
     def receive(self) -> Sequence[Arrival]:
-        """Return everything that has come."""
+        """Return all samples, oldest first."""
         with contextlib.suppress(BlockingIOError):
             while self._wake_from.recv(4096):
                 pass
@@ -175,7 +175,7 @@ class ZenohEndpoint:
 
     @property
     def dropped(self) -> int:
-        """How many samples came while the queue was full, or were sent while the session was down."""
+        """Number of frames dropped in both directions."""
         return self._inbox.dropped
 
     @property
