@@ -148,7 +148,13 @@ def read_attitude(parameters: Mapping[str, float], message: Any) -> Setpoint | N
         w, x, y, z = message.q
         if not abs(math.hypot(w, x, y, z) - 1.0) < _UNIT:
             return None
-        lean = _lean(w, x, y, z)
+        # The tilt of the thrust axis towards north and east.
+        north = -2.0 * (x * z + w * y)
+        east = -2.0 * (y * z - w * x)
+        level = math.hypot(north, east)
+        angle = math.atan2(level, 1.0 - 2.0 * (x * x + y * y))
+        if level > 1e-9:
+            lean = (north * angle / level, east * angle / level)
         yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     rate = 0.0 if mask & _IGNORE_YAW_RATE else message.body_yaw_rate
     if not math.isfinite(rate):
@@ -171,15 +177,3 @@ def read_attitude(parameters: Mapping[str, float], message: Any) -> Setpoint | N
         lean_ne_rad=lean,
         thrust=thrust,
     )
-
-
-def _lean(w: float, x: float, y: float, z: float) -> tuple[float, float]:
-    """Tilt of the thrust axis towards north and east, in radians."""
-    north = -2.0 * (x * z + w * y)
-    east = -2.0 * (y * z - w * x)
-    up = 1.0 - 2.0 * (x * x + y * y)
-    level = math.hypot(north, east)
-    angle = math.atan2(level, up)
-    if level > 1e-9:
-        return (north * angle / level, east * angle / level)
-    return (0.0, 0.0)

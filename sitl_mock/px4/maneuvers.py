@@ -196,9 +196,17 @@ class Follow:
             velocity = seen.velocity_m_s
         else:
             velocity = ZERO
-        carried_s = min(age_s, _STALE_S)
-        here = seen.position_m.after(seen.velocity_m_s, carried_s)
-        target, moving = self._smooth(here, velocity, dt_s)
+        here = seen.position_m.after(seen.velocity_m_s, min(age_s, _STALE_S))
+        # A filter of second order, so that reports do not make the vehicle jump.
+        if self._position_m is None:
+            self._position_m = here
+            self._velocity_m_s = velocity
+        pull = _FILTER_RAD_S**2 * (here - self._position_m)
+        pull += 2.0 * _DAMPING * _FILTER_RAD_S * (velocity - self._velocity_m_s)
+        moving = self._velocity_m_s.after(pull, dt_s)
+        target = self._position_m.after(moving, dt_s)
+        self._velocity_m_s = moving
+        self._position_m = target
         if min(math.hypot(*velocity[:2]), math.hypot(*moving[:2])) >= _COURSE_M_S:
             self.course_rad = math.atan2(moving[1], moving[0])
         parameters = state.parameters
@@ -230,14 +238,3 @@ class Follow:
             Vector((moving[0] - e * around, moving[1] + n * around, math.nan)),
             yaw_rad=yaw,
         )
-
-    def _smooth(self, position: Vector, velocity: Vector, dt_s: float) -> tuple[Vector, Vector]:
-        """Filter reports (second order) so that they do not make the vehicle jump."""
-        if self._position_m is None:
-            self._position_m = position
-            self._velocity_m_s = velocity
-        pull = _FILTER_RAD_S**2 * (position - self._position_m)
-        pull += 2.0 * _DAMPING * _FILTER_RAD_S * (velocity - self._velocity_m_s)
-        self._velocity_m_s = self._velocity_m_s.after(pull, dt_s)
-        self._position_m = self._position_m.after(self._velocity_m_s, dt_s)
-        return self._position_m, self._velocity_m_s
