@@ -89,7 +89,7 @@ class MonitorMemory(NamedTuple):
         since_s: Since when the promise is worse than allowed, or the barrier is crossed; None if neither.
         oldest_s: Largest age of a report that was reported.
         reachable_m_s: Largest reachable speed since the promise started.
-        told_slow: Whether it was reported that the vehicle is too slow.
+        reported_slow: Whether it was reported that the vehicle is too slow.
     """
 
     best: float = math.nan

@@ -42,6 +42,10 @@ while it descends, so there only what the vehicle allows is a limit."""
 ABOVE_THE_PROMISE = 1.0
 """Largest allowed flown time over the time that was promised at engagement."""
 
+UNANNOUNCED = 1.05
+"""Largest allowed flown time over the promised one of a chase without an alarm. A vehicle whose limits are the game's
+speeds cannot make up what it loses in its descent, so its promise may fail, but not silently."""
+
 ABOVE_THE_FASTEST = 1.04
 """Largest allowed flown time over that of the fastest descent."""
 
@@ -217,7 +221,9 @@ def _figures(
         u + 1e-9,
         max(row.largest_command_m_s for row in strictly),
     )
-    yield "the same: alarms", 0.0, float(max(len(row.alarms) for row in strictly))
+    yield "the same: alarms", math.inf, float(max(len(row.alarms) for row in strictly))
+    silent = [row.flown_s / row.needed_s for row in strictly if not row.alarms]
+    yield "the same, without an alarm: flown / promised", UNANNOUNCED, max(silent, default=0.0)
 
 
 def _fastest_descent_s(scenario: Scenario, change: Change) -> float:
