@@ -549,6 +549,10 @@ class Aircraft:
         vehicle = pilot.flight.vehicle
         if not vehicle.on_ground:
             self._climb(pilot, leader)
+            # A start takes over a vehicle in the air that its HEARTBEATs have shown in its hold for some seconds
+            self.link.request(self._autopilot.set_mode(Mode.HOLD))
+            follows = pilot.flight.follows
+            self._until("start", pilot, leader, lambda: follows(Event.START, self._clock.now_s()))
         self._cycle(pilot, leader, Event.START)
         self._until("start", pilot, leader, lambda: pilot.flight.state is State.STANDING_BY)
         self._until("hover", pilot, leader, lambda: _is_still(pilot))
@@ -686,13 +690,19 @@ def chases() -> list[Chase]:
 
 
 def variants(autopilot: str) -> list[Chase]:
-    """Return the chases that compare a follow mode's parameters."""
+    """Return the chases that compare a follow mode's parameters; as delivered, FOLLOW flies all courses and rates."""
     courses = ("straight", "turning")
-    return [
+    compared = [
         Chase("follow", course=course, variant=variant)
         for variant in VARIANTS[autopilot]
         for course in courses
     ]
+    if autopilot == "arducopter":
+        delivered = Chase("follow", variant="default gain")
+        for rate_hz in RATES_HZ:
+            compared += [delivered._replace(course=course, rate_hz=rate_hz) for course in COURSES]
+            compared.append(delivered._replace(rate_hz=rate_hz, delay_s=0.5))
+    return list(dict.fromkeys(compared))
 
 
 class Results:

@@ -78,6 +78,46 @@ def glance_table(flown: Flights) -> str:
     return "\n".join(lines)
 
 
+def gains_table(flown: Flights) -> str:
+    """Return the time to the circle over the value: the range of the flights at all rates, course by course."""
+    columns = {
+        "PX4's follow-me": ("px4", Chase("follow")),
+        "this service on PX4": ("px4", Chase("optimal")),
+        "ArduCopter's FOLLOW as delivered": (
+            "arducopter",
+            Chase("follow", variant="default gain"),
+        ),
+        "ArduCopter's FOLLOW, `FOLL_POS_P` 1.0": ("arducopter", Chase("follow")),
+        "this service on ArduCopter": ("arducopter", Chase("optimal")),
+    }
+    lines = [f"| leader | {' | '.join(columns)} |", f"|---{'|---' * len(columns)}|"]
+    leaders = {
+        "straight away": Chase("follow"),
+        "turning every 4 s": Chase("follow", course="turning"),
+        "stopping after 10 s": Chase("follow", course="stopping"),
+        "straight away, reports 0.5 s late": Chase("follow", delay_s=0.5),
+    }
+    for words, leader in leaders.items():
+        cells = []
+        for autopilot, flyer in columns.values():
+            same = leader._replace(mode=flyer.mode, variant=flyer.variant)
+            keys = [same._replace(rate_hz=rate_hz).key for rate_hz in RATES_HZ]
+            rows = flown.get(autopilot, {})
+            cells.append(_range([rows[key] for key in keys if key in rows]))
+        lines.append(f"| {words} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _range(rows: Sequence[Row]) -> str:
+    """Return the least and the largest ratio, and how many flights never reached the circle."""
+    ratios = sorted(row["ratio"] for row in rows if row["ratio"] is not None)
+    if not ratios:
+        return "never" if rows else "not flown"
+    words = " to ".join(dict.fromkeys(f"{ratio:.2f}" for ratio in (ratios[0], ratios[-1])))
+    missed = len(rows) - len(ratios)
+    return words if missed == 0 else f"{words}, {missed} of {len(rows)} never"
+
+
 def _compared(flown: Flights, chase: Chase) -> list[Row | None]:
     """Return the rows of follow mode and service, of each autopilot."""
     rows = []
@@ -233,7 +273,8 @@ def main() -> None:
     if arguments.join is not None:
         join(arguments.join)
     flown = flights()
-    print(glance_table(flown))
+    print(gains_table(flown))
+    print(f"\n{glance_table(flown)}")
     for autopilot in NAMES:
         print(f"\n{NAMES[autopilot]}\n\n{page_table(flown, autopilot)}")
     print(f"\n{standoff_table(flown)}")
