@@ -108,43 +108,45 @@ class Games:
 
     def step(self, pursuer_m_s: FloatArray | None, evader_m_s: FloatArray | None) -> None:
         """Hold velocities, (n, 3), for a period, or to the end of a game. None is the scenario's own policy."""
-        batch = self.batch
-        moment = self.moment
-        steered = _Steered(pursuer_m_s, evader_m_s, self.solution)
-        left_s: Any = self._period_s
-        rows = moment.row
-        # In one step where nothing happens and no player chooses within it.
-        chosen = pursuer_m_s is None or evader_m_s is None
-        longest_s = CHOICE_S if chosen else self._period_s
         with np.errstate(all="ignore"):
-            ahead = _look(batch, moment)
-            while True:
-                velocities = _velocities(batch, moment, steered)
-                step_s = np.minimum(left_s, longest_s)
-                moment = advance_held(batch, moment, ahead, velocities, step_s)
-                receive_due_reports(batch, moment)
-                left_s = left_s - moment.step_s
-                ahead = _look(batch, moment)
-                moment = moment._replace(end=ends_of(batch, moment, ahead))
-                if len(rows) == self.count:
-                    self.moment = moment
-                else:
-                    put(self.moment, moment, rows)
-                unfinished = np.flatnonzero((moment.end == End.RUNNING) & (left_s > LEAST_S))
-                if len(unfinished) == 0:
-                    break
-                take = itemgetter(unfinished)
-                rows = rows[unfinished]
-                left_s = left_s[unfinished]
-                batch, moment, ahead = (rows_of(part, take) for part in (batch, moment, ahead))
-                steered = rows_of(steered, take)
-                if chosen:
-                    steered = steered._replace(solution=_solved(self._arena.valued, batch, moment))
+            self._fly(pursuer_m_s, evader_m_s)
         self.solution = _solved(self._arena.valued, self.batch, self.moment)
         score = _scores(self._arena, self.batch, self.moment, self.solution)
         if self.batch.target_m is not None:
             score = np.where(self.opening_score > 0.0, np.maximum(score, 0.0), score)
         self.score = np.where(np.isfinite(score), score, self.score)
+
+    def _fly(self, pursuer_m_s: FloatArray | None, evader_m_s: FloatArray | None) -> None:
+        """Fly a period, in one step where nothing happens and no player chooses within it."""
+        batch = self.batch
+        moment = self.moment
+        steered = _Steered(pursuer_m_s, evader_m_s, self.solution)
+        ahead = _look(batch, moment)
+        left_s: Any = self._period_s
+        rows = moment.row
+        chosen = pursuer_m_s is None or evader_m_s is None
+        longest_s = CHOICE_S if chosen else self._period_s
+        while True:
+            velocities = _velocities(batch, moment, steered)
+            moment = advance_held(batch, moment, ahead, velocities, np.minimum(left_s, longest_s))
+            receive_due_reports(batch, moment)
+            left_s = left_s - moment.step_s
+            ahead = _look(batch, moment)
+            moment = moment._replace(end=ends_of(batch, moment, ahead))
+            if len(rows) == self.count:
+                self.moment = moment
+            else:
+                put(self.moment, moment, rows)
+            unfinished = np.flatnonzero((moment.end == End.RUNNING) & (left_s > LEAST_S))
+            if len(unfinished) == 0:
+                return
+            take = itemgetter(unfinished)
+            rows = rows[unfinished]
+            left_s = left_s[unfinished]
+            batch, moment, ahead = (rows_of(part, take) for part in (batch, moment, ahead))
+            steered = rows_of(steered, take)
+            if chosen:
+                steered = steered._replace(solution=_solved(self._arena.valued, batch, moment))
 
 
 class _Steered(NamedTuple):

@@ -407,18 +407,7 @@ def table_of(
         raise ConfigError(
             f"evader_speed_m_s = {v!r}: must be the same for all pursuers of an evader, (..., 1, m)"
         )
-    game_axes = pair_axes(team)
-    axes_of_pairs = {"pursuers": (n, 1), "evaders": (1, m), "game": game_axes}
-    leading = {"pursuers": P.shape[:-2], "evaders": E.shape[:-2], "in_play": present.shape[:-1]}
-    leading["game"] = game_axes[:-2]
-    if T is not None:
-        axes_of_pairs["target"] = (1, *T.shape[-2:-1])
-        leading["target"] = T.shape[:-2]
-    if fitting(axes_of_pairs)[-2:] != (n, m) or team.plays.shape not in {(), (n, m)}:
-        raise ConfigError(
-            f"game: its numbers have the shape {game_axes}; must fit {n} pursuers and {m} evaders"
-        )
-    shape = fitting(leading)
+    shape = _leading_shape(team, P, E, T, present)
     b = math.prod(shape)
 
     def spread(value: Array, *axes: int) -> Array:
@@ -443,6 +432,30 @@ def table_of(
     beats = (pair_teams.alone.winner > 0) & present[..., None] & team.plays
     spare_m = np.zeros(worth.shape)
     return Table(shape, P, E, T, present, team.plays, pair_teams, worth, beats, spare_m)
+
+
+def _leading_shape(
+    team: TeamGame, P: Array, E: Array, T: Array | None, present: Array
+) -> tuple[int, ...]:
+    """Return the leading axes of a game's numbers and of positions.
+
+    Raises:
+        ConfigError: the shapes do not fit each other.
+    """
+    n = P.shape[-2]
+    m = E.shape[-2]
+    game_axes = pair_axes(team)
+    axes = {"pursuers": (n, 1), "evaders": (1, m), "game": game_axes}
+    leading = {"pursuers": P.shape[:-2], "evaders": E.shape[:-2], "in_play": present.shape[:-1]}
+    leading["game"] = game_axes[:-2]
+    if T is not None:
+        axes["target"] = (1, *T.shape[-2:-1])
+        leading["target"] = T.shape[:-2]
+    if fitting(axes)[-2:] != (n, m) or team.plays.shape not in {(), (n, m)}:
+        raise ConfigError(
+            f"game: its numbers have the shape {game_axes}; must fit {n} pursuers and {m} evaders"
+        )
+    return fitting(leading)
 
 
 def _without(team: PursuerGames, plays: Array) -> PursuerGames:
