@@ -6,7 +6,7 @@ Following (`follow`, `servo`):
 
 Limiting, always last (`braking_law`, `setpoint_limiter`):
     Situation: state of the vehicle and the evader; `braking_law.measure_walls` returns every wall there.
-    Limits: the section of a file. Envelope: the same with the vehicle's Dynamics. Acceleration: what it surely has.
+    Limits: the section of a file. Envelope: the same with the vehicle's Dynamics. Acceleration: the guaranteed one.
     Limiter: names of the limits.
 """
 

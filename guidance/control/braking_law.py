@@ -48,7 +48,7 @@ _NO_DIRECTION: Final = 1e-9
 """A shorter normal is rounding."""
 
 _SAME_SIDE: Final = 0.5
-"""Cosine of the largest angle at home at which a circle's nearest point also covers the part flown to."""
+"""Cosine of an angle at home: within it, a circle's nearest point also covers the side that the vehicle flies to."""
 
 
 class Situation(NamedTuple):

@@ -78,7 +78,8 @@ def observe_drift(
 ) -> Drift:
     """Update the drift with a report of position and velocity.
 
-    After a jump of more than `JUMP_M` (the estimator was reset), the new position is used and nothing is learned.
+    After a jump of more than `JUMP_M` (the estimator was reset), the drift keeps its velocity and takes the
+    reported position.
 
     Args:
         drift: So far.

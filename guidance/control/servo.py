@@ -249,7 +249,7 @@ SHORT: Final = 0.02
 """Share of the speed asked for that may be missing in level flight; the mean scatters by about as much."""
 
 SHORT_NOT_LEVEL: Final = 0.1
-"""The same in a climb or descent. PX4 at its full rate of descent flies 5 % below the speed asked for, 8 m/s."""
+"""The same in a climb or descent. PX4 at its full rate of descent flies 5 % below the commanded speed of 8 m/s."""
 
 _LEVEL_M_S: Final = 0.3
 """Largest vertical speed of level flight."""
@@ -271,7 +271,7 @@ class SpeedMemory(NamedTuple):
         shown_m_s: Largest speed flown over the ground, smoothed.
         share: Share of the game's speed over the ground that it reaches, 1 at first.
         flown_ned_m_s: Mean velocity of the last half second or so.
-        compared_s: Time for which its full speed has been commanded, without a turn, all of it in level flight or none.
+        compared_s: Time of commanded full speed without a turn, either all in level flight or all not.
         covered_s: The same, weighted by the share of that speed that it flew.
         began_m_s: Its speed at the beginning of that time.
     """

@@ -153,7 +153,7 @@ def limit(  # noqa: PLR0914
     feed_forward = braked(slewed, situation, walls, envelope)
     if feed_forward is not None:
         # Before the stand-off the approach is about to brake. Until then the feed-forward is still needed against drag,
-        # so it goes as the wall takes speed away: all of it at `EASED_M_S`.
+        # so it shrinks as the wall takes speed away, to zero at `EASED_M_S`.
         eased_m_s2 = envelope.acceleration_m_s2 * max(
             0.0, 1.0 - math.dist(velocity, shaped) / EASED_M_S
         )

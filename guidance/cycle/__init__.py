@@ -5,9 +5,8 @@ Cycle (`steps`):
     hover: one cycle without a game. game_played: the game of a cycle, a `GamePlayed`.
 
 Certificate (`certificate`):
-    certify: what the game says from here, what this vehicle can promise, and the `ChosenCourse` that it flies, as a
-        `Certified`.
-    Certificate: the statement of one cycle. Players, Capability (`players`): what it is made from.
+    certify: the game's result, this vehicle's promises and the `ChosenCourse` that it flies, as a `Certified`.
+    Certificate: the statement of one cycle. Players, Capability (`players`): its inputs.
     Guarding of the target in TAD: `guarding`.
 
 Monitor (`monitor`):

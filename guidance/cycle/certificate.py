@@ -1,4 +1,4 @@
-"""The certificate of a cycle: the game's result, and the part of it that this vehicle can promise.
+"""The certificate of a cycle: the game's result, and the promises of this vehicle.
 
 The game's value and winner are theorems about players that change their velocity at once. The promises for this vehicle
 (`time_needed_s`, `assured_distance_m`, `vehicle_winner`) take its velocity, its acceleration and the speed that it has
@@ -13,7 +13,7 @@ In TAD the vehicle's verdict is "pursuer" if the vehicle can still guard the tar
 velocity, stops above it at the disc's height, and is there before the evader, with time to spare for wrong estimates.
 The verdict is "evader" if even the game's pursuer loses, and "undecided" in between.
 
-**Circling.** In PE the promise also counts what an evader costs that goes on to turn faster than the vehicle can
+**Circling.** In PE the promise also counts the delay by an evader that keeps turning faster than the vehicle can
 (`guidance.cycle.circling`). A vehicle that is late flies to the path which that turn predicts.
 
 **Guarding.** The ideal pursuer turns at once, so it may fly away from the target until its margin is zero. A vehicle
@@ -52,16 +52,16 @@ _FASTER: Final = 1.05
 """Least speed that the verdict uses, over the evader's; a slower pursuer has no game."""
 
 SPARE_S: Final = 2.0
-"""Margin from which the vehicle plays the game; at zero it flies to the target."""
+"""With this margin or more, the vehicle plays the game; at zero it flies to the target."""
 
 AHEAD_S: Final = 0.5
-"""Time by which the play looks further ahead than the verdict."""
+"""The play looks further ahead than the verdict by this time."""
 
 WIDE_SPARE_S: Final = 3.5
-"""Margin from which the vehicle plays the game at a target wider than the disc's radius."""
+"""With this margin or more, the vehicle plays the game at a target wider than the disc's radius."""
 
 WIDE_KEPT_S: Final = 0.5
-"""Margin up to which it flies to the target only. It plays the game if it is as much behind: nothing is kept then."""
+"""Up to this margin it flies to the target only. If it is as much behind, it plays the game only."""
 
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
@@ -73,7 +73,7 @@ _TURNS: Final = 4
 class Certificate(NamedTuple):
     """Result of the game and promises of this vehicle in one cycle; NaN if there is none.
 
-    `winner` to `meeting_time_s` belong to the ideal game, in which the pursuer has its full speed immediately.
+    `winner` to `meeting_time_s` belong to the ideal game, whose pursuer has its full speed immediately.
 
     Attributes:
         winner: `guidance.game.Winner`.
@@ -286,7 +286,7 @@ def _to_evader_m(
         players: From where.
         u: Speed of the pursuit over the ground.
         acceleration_m_s2: Of the vehicle over the ground.
-        reaction_s: Time for which the vehicle keeps its present velocity before it accelerates.
+        reaction_s: The vehicle keeps its present velocity for this time before it accelerates.
     """
     x, y, _ = players.pursuer_m
     evader_x, evader_y, _ = players.evader_m

@@ -22,10 +22,10 @@ LATE_M: Final = 1.0
 """A pursuit is late after this delay and the time to close this distance, which cover errors of the estimates."""
 
 WHOLLY_S: Final = 1.0
-"""Further delay after which the vehicle flies only to the predicted path."""
+"""With this further delay the vehicle flies only to the predicted path."""
 
 FORGIVEN: Final = 0.2
-"""Rate at which a delay and an old promise are forgiven, so that they fade."""
+"""A delay and an old promise fade at this rate."""
 
 LATEST_S: Final = 6.0
 """Larger delays count as this one."""
@@ -52,7 +52,7 @@ class Circling(NamedTuple):
         observed_s: Time over which it was observed.
         promised_s: Least time to capture promised so far, less the time since; infinite before the first promise.
         late_s: By how much the present promise is later than that, or a delay before it that is not forgiven yet: a
-            vehicle that missed the evader once goes on cutting its circle.
+            vehicle that missed the evader once keeps cutting its circle.
     """
 
     evader_m_s: Enu | None = None

@@ -54,9 +54,9 @@ _TINY_M: Final = 1e-9
 _SPACING_M: Final = 3.0
 _FEWEST: Final = 8
 _PLACES: Final = 16
-"""Places on a way at which the slack is computed."""
+"""The slack is computed at so many places on a way."""
 _WORST: Final = 32
-"""Ways on which it is computed: those with the least slack at their end. For the others that slack counts."""
+"""It is computed on so many ways: those with the least slack at their end. For the others that slack counts."""
 
 
 class Guard(NamedTuple):
@@ -72,7 +72,7 @@ class Guard(NamedTuple):
 
 
 class _Race(NamedTuple):
-    """Both players over the ground, relative to the target, and what the vehicle can do.
+    """Both players over the ground, relative to the target, and the vehicle's performance.
 
     Attributes:
         pursuer_m: Position of the vehicle.
@@ -161,7 +161,7 @@ def guard(
 
 
 def is_held(game: Game) -> bool:
-    """Return whether a vehicle that stops above a point of the target guards all of it."""
+    """Return whether a vehicle that stops above a point of the target guards the whole target."""
     return _width_m(game.target_extent) <= float(game.standoff.radius_m)
 
 

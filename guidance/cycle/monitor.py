@@ -30,7 +30,7 @@ SCATTER_M: Final = 1.0
 SCATTER_M_S: Final = 0.05
 LASTING_S: Final = 0.4
 GUARDED_S: Final = 1.5
-"""The barrier counts as won once the vehicle's verdict has lasted for so long, in which a braking vehicle turns."""
+"""The barrier counts as won once the vehicle's verdict has lasted for so long: a braking vehicle turns in that time."""
 
 ARRIVAL_S: Final = 1.5
 REPORT_STALE_S: Final = 1.0
@@ -38,7 +38,7 @@ STALER: Final = 1.5
 """A report is stale if it is older than `REPORT_STALE_S` and than this many times the largest age before."""
 
 SLOWER: Final = 0.02
-"""Least relative fall of the reachable speed after which the promise starts anew."""
+"""Least relative fall of the reachable speed that makes the promise start anew."""
 
 
 class Violation(StrEnum):
@@ -125,7 +125,7 @@ def watch(
         latest: Certificate of this cycle; one without a game is ignored.
         with_target: Whether the game is TAD.
         speed_m_s: The configured speed over the ground.
-        slack_s: Permitted loss besides the allowances above, s; in TAD, the distance that the evader covers in
+        slack_s: Permitted loss beyond the allowances above, s; in TAD, the distance that the evader covers in
             that time. After an alarm the count starts anew.
 
     Returns:

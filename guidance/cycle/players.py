@@ -1,4 +1,4 @@
-"""Both players of a cycle, what the vehicle can do, and where a pursuer of the game does as well as it."""
+"""Both players of a cycle, the vehicle's performance, and the equivalent start of a pursuer of the game."""
 
 import math
 from typing import Final, NamedTuple
@@ -7,7 +7,7 @@ from guidance.control import Acceleration, Approach, Envelope, Gaps
 from guidance.frames import Enu
 
 NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
-"""Position of what is not there, such as the target of PE."""
+"""Position of a missing player or target, such as the target in PE."""
 
 
 class Players(NamedTuple):
@@ -26,7 +26,7 @@ class Players(NamedTuple):
 
 
 class Capability(NamedTuple):
-    """What the vehicle can do.
+    """Performance of the vehicle.
 
     Attributes:
         acceleration: Guaranteed acceleration.

@@ -1,4 +1,4 @@
-"""The section `[game]` of vehicle files: which game is played, at which speeds, and about which target."""
+"""The section `[game]` of vehicle files: the game, its speeds and its target."""
 
 import math
 from collections.abc import Iterator

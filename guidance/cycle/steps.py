@@ -1,4 +1,4 @@
-"""One guidance cycle in five steps: where both are ▸ the game ▸ the policy ▸ what the vehicle follows ▸ the limits.
+"""One guidance cycle in five steps: both positions ▸ the game ▸ the policy ▸ following ▸ the limits.
 
 Pure: the same inputs, settings and memory give the same setpoint, bit for bit: in flight, in virtual time, in replay.
 """
@@ -168,7 +168,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         already_shaped=settings.handling.servo is not None,
     )
 
-    # The certificate with the command, and what the next cycle has to know.
+    # The certificate with the command, and the memory for the next cycle.
     certified = aim.certified
     certificate = certified.certificate._replace(
         reason=int(Reason.TOO_OLD) if played.too_old else certified.solution.reason,

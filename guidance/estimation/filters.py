@@ -40,7 +40,7 @@ _Pick = Callable[[Components], tuple[float, ...]]
 
 
 class Layout(NamedTuple):
-    """What picks the numbers of a covariance, and their factors, in one step.
+    """Getters that pick the numbers of a covariance, and their factors, in one step.
 
     Attributes:
         rows: From a covariance each of its whole rows, which are also its columns.
@@ -64,7 +64,7 @@ def _layout(size: int) -> Layout:
 
 
 _LAYOUTS: Final = {4: _layout(4), 5: _layout(5)}
-"""Of the steady and of the turning model, by the size of their states."""
+"""Layouts of the steady and the turning model, by the size of their states."""
 
 _NORTH, _EAST, _NORTH_RATE, _EAST_RATE = range(4)  # of the state
 _POSITION_CELLS = (_cell(_NORTH, _NORTH), _cell(_EAST, _EAST))

@@ -46,7 +46,7 @@ _NOISE_SIGMAS: Final = 3.0
 
 
 class SourceReport(NamedTuple):
-    """What the detection needs of one report.
+    """The parts of one report that the detection needs.
 
     Attributes:
         arrived: As it came.

@@ -38,7 +38,7 @@ class PlaneReport(NamedTuple):
         position_m: The reported position, metres.
         velocity_m_s: The reported velocity, m/s.
         integrated_m: Integral of the velocities since the first sample, metres.
-        remainder_m: What it leaves of the position, metres.
+        remainder_m: The position less that integral, metres.
         position_sd_m: Standard deviation of the position.
     """
 
