@@ -65,7 +65,7 @@ class Bound(NamedTuple):
 
 
 class Version(NamedTuple):
-    """A version of an autopilot: which parameters it has, and in which units.
+    """A version of an autopilot: its parameters, and their units.
 
     Attributes:
         number: Major and minor number. It describes newer versions too, up to the next one in `Autopilot.versions`.
@@ -110,8 +110,8 @@ class Autopilot:
         one_inclusion_is_enough: Whether being inside one of several uploaded areas is enough (PX4), or all count.
         tells_setpoint_always: Whether it sends POSITION_TARGET_LOCAL_NED in every mode, or only in the guided mode.
         vehicle_types: MAV_TYPEs that may be flown: by default everything that hovers and moves in any direction.
-        guided_is_ours: Whether the guided mode is one that guidance itself registered. Then nobody else sends setpoints
-            in it.
+        guided_is_ours: Whether the guided mode is one that guidance itself registered. Then no other program
+            sends setpoints in it.
         setpoint_modes: Modes, as HEARTBEAT.custom_mode, in which its own checks wait for setpoints or our readiness. It
             may stay in one after a landing, also in the one of another link.
         as_mode: The same autopilot with a flight mode of ours as its guided mode; None if it has no such modes.

@@ -71,8 +71,8 @@ _PROJECTION: Final = Projection(_to_metres, _to_degrees)
 """PX4's map: azimuthal equidistant on a sphere (Snyder, Map Projections, eqs. 22-4, 22-5, 25-2)."""
 
 _HANDLING: Final = Handling(
-    # PX4 shapes nothing itself. MPC_TILTMAX_AIR 45° gives 9.8 m/s², of which drag takes 6 at 6 m/s (that airframe
-    # flies no faster than 10 m/s); most airframes have far less, so that little is assumed and the rest learned.
+    # PX4 shapes nothing itself. MPC_TILTMAX_AIR 45° gives 9.8 m/s²; at 6 m/s drag takes 6 m/s² of it (that airframe
+    # flies no faster than 10 m/s). Most airframes have far less, so that little is assumed and the rest learned.
     servo=ServoGains(
         acceleration_m_s2=7.0,
         vertical_acceleration_m_s2=2.0,

@@ -1,7 +1,7 @@
 """Rules that judge the autopilot's parameters before a flight: what a value means, and what to set instead.
 
-A rule judges a quantity: the height of the return, the action on lost setpoints. Each version of an autopilot says
-which parameter has it, and in which unit (`guidance.autopilots.description.Version`).
+A rule judges a quantity: the height of the return, the action on lost setpoints. Each version of an autopilot names
+the parameter that has it, and its unit (`guidance.autopilots.description.Version`).
 """
 
 import math
@@ -122,7 +122,7 @@ class Quantity(StrEnum):
 
 
 Quantities = Mapping[str, float]
-"""What was read, by quantity: m, m/s, s and degrees; enumerations and bit masks as they are."""
+"""The values that were read, by quantity: m, m/s, s and degrees; enumerations and bit masks as they are."""
 
 SHORTEST_LOSS_S: Final = 0.2
 

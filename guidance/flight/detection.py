@@ -45,7 +45,7 @@ _GPS = 1 << 5
 _PREARM_CHECK = 1 << 28
 
 JUDGED_AFTER_S: Final = 1.0
-"""Time after which the autopilot's own check applies to the mode in HEARTBEAT: ArduPilot checks once a second."""
+"""The autopilot's own check applies to the mode in HEARTBEAT after this time: ArduPilot checks once a second."""
 
 _TO_DO: Final[Mapping[str, str]] = {
     "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
@@ -393,7 +393,7 @@ _READ_TO_ENGAGE: Final[Mapping[type[Message], str]] = {
 
 
 _CHOSEN_IN: Final = frozenset({State.STANDING_BY, State.OUT_OF_CONTACT, State.HOLDING})
-"""States in which a pilot who chooses our mode wants to engage."""
+"""A pilot who chooses our mode in these states wants to engage."""
 
 
 def shows_strange_mode(now: Moment) -> bool:

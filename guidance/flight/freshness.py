@@ -1,4 +1,4 @@
-"""How old a value may be that a safety rule reads, and what happens when it is older.
+"""The largest age of each value that a safety rule reads, and the consequence of a larger one.
 
 The rules take their limits from here, and `AGES` is the table of docs/explanation/when-things-fail.md. An age counts
 from the measurement (`VehicleState.age_s`) or, where a message has no stamp of its own, from its arrival.
@@ -57,7 +57,7 @@ _PREFLIGHT: Final[Mapping[type[messages.Message], float]] = {
 
 
 def known(vehicle: VehicleState, now_s: float) -> VehicleState:
-    """Return a vehicle's state without what is too old for preflight to judge by."""
+    """Return a vehicle's state without messages that are too old for preflight."""
     fixed = {Home, messages.Origin} if vehicle.home_fixed else set()
     latest = {
         kind: message

@@ -340,7 +340,7 @@ class Flight:
             if self.observed.mode is not None and not detection.shows_strange_mode(now):
                 left.add(self.observed.mode)
             if after in HANDING_OVER or after is State.ENTERING:
-                # What was asked for before the order may still be on its way.
+                # A request sent before the order may still be on its way.
                 left |= stage.left | ({ASKED_MODES[before]} if before in ASKED_MODES else set())
             stage.left = frozenset(left)
             stage.state = after

@@ -71,7 +71,7 @@ A single one is not believed: autopilots send 0 % for a moment when a battery mo
 """
 
 AGREEING_S: Final = 2.5
-"""HEARTBEATs of so long must agree that nobody else flies the vehicle: two of its periods.
+"""HEARTBEATs of so long must agree that no other source flies the vehicle: two of their periods.
 
 A single one is not believed: another vehicle, or a program, with the same system id may have sent it.
 """
@@ -109,7 +109,7 @@ class Observed:
         other_beats: Number of HEARTBEATs with its ids from another autopilot or vehicle type. They change nothing.
         other_beat: The last of them.
         mode: Mode in the last HEARTBEAT.
-        armed_in: Modes in which HEARTBEATs of the last `AGREEING_S` show the vehicle armed, and when they last did.
+        armed_in: Modes of the armed vehicle in HEARTBEATs of the last `AGREEING_S`, and the last time of each.
         has_flown: Whether it has left the ground since it was armed.
         foreign: Whether another source commands the vehicle, confirmed by a HEARTBEAT without a pilot's mode.
         position_age_s: Age of its last position in this cycle; infinite before the first one.
@@ -212,7 +212,7 @@ class Observed:
                 self.armed_in[mode] = beat.received_s
 
     def fix_home(self) -> None:
-        """Keep home where it is from now on, and with it the fence and all heights."""
+        """Fix home, and with it the fence and all heights."""
         self.vehicle = self.vehicle._replace(home_fixed=True)
 
     def take_in(self, now_s: float, inputs: Inputs, dt_s: float = 0.0, *, in_flight: bool) -> None:
@@ -300,9 +300,10 @@ class Observed:
         )
 
     def _take_aircraft(self, report: messages.Aircraft) -> None:
-        """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better.
+        """Keep another aircraft like a mate.
 
-        Nobody signs these reports. So only the nearest ones count, and none that moves as no aircraft can.
+        An aircraft at the position of a mate or an evader is that player, and its own reports are better. Reports of
+        aircraft are not signed. So only the nearest ones count, and none that moves as no aircraft can.
         """
         frame = self.tracking.local_frame
         here_ned_m = self.position_ned_m
@@ -482,7 +483,7 @@ class Observed:
     def _near(
         self, now_s: float, others: Mapping[str, MateState]
     ) -> list[tuple[MateState, Separation]]:
-        """Return which of the others to stay away from, and the cylinders around them."""
+        """Return the others that the vehicle must avoid, and the cylinders around them."""
         frame = self.tracking.local_frame
         if frame is None:
             return []

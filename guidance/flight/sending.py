@@ -1,4 +1,4 @@
-"""What a flight sends in a cycle: the setpoint of its state, and requests until their effect is seen."""
+"""Messages that a flight sends in a cycle: the setpoint of its state, and requests until their effect is seen."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
@@ -221,7 +221,7 @@ class Playing:
         self.alarm: Alarm | None = None
 
     def _asked(self, observation: FloatArray) -> Answer:
-        """Ask the user's policy. A replay runs nobody's code: it has the recorded answers."""
+        """Ask the user's policy. A replay runs no user's code: it has the recorded answers."""
         if self.recorded is not None:
             return self.recorded
         if self._ask is None:
@@ -241,10 +241,10 @@ class Playing:
             # The promise is kept: an evader that gets away begins a new one
             self.monitor = self.monitor.anew()
         if after is State.PAUSED:
-            self.monitor = self.monitor.restarted()  # nothing was promised about a pause
+            self.monitor = self.monitor.restarted()  # no promise covers a pause
 
     def switch(self) -> None:
-        """Play against another evader: nothing was promised about that one."""
+        """Play against another evader: no promise covers that one."""
         self.certificate = None
         self.monitor = self.monitor.anew()
         self.memory = self.memory._replace(optimal_game_m_s=None)

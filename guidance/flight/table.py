@@ -3,7 +3,7 @@
 A pair that is not in the table changes nothing: the event is recorded and the state stays. Therefore a forbidden
 transition is visible as a missing line. No line leads from YIELDED to a commanding state. Only an order
 (`Event.ENGAGE`), or the pilot's mode switch if configured (`Event.INVITED`), begins the game. An order to end a flight
-is obeyed in every state from the start order on (`_BEGUN`). `ASKED_MODES` has the modes that these states ask for.
+is obeyed in every state from the start order on (`_BEGUN`). `ASKED_MODES` has the modes that these states request.
 """
 
 from collections.abc import Iterable, Mapping
@@ -153,7 +153,7 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
         (Event.BATTERY_LOW, Event.BATTERY_UNKNOWN),
         State.RETURNING,
     ),
-    # In the climb the vehicle is above the place that it took off from, and a return would climb on.
+    # In the climb the vehicle is above its takeoff place, and a return would continue the climb.
     ((State.CLIMBING,), (Event.BATTERY_LOW, Event.BATTERY_UNKNOWN), State.LANDING),
     ((State.STANDING_BY, State.HOLDING), (Event.OPERATOR_GONE,), State.RETURNING),
     # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
@@ -164,7 +164,7 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
         (Event.TELEMETRY_LOST,),
         State.YIELDED,
     ),
-    # Nothing was commanded, so the flight may continue, but only an order begins the game.
+    # Guidance commanded nothing, so the flight may continue, but only an order begins the game.
     ((State.STANDING_BY,), (Event.TELEMETRY_LOST,), State.OUT_OF_CONTACT),
     ((State.OUT_OF_CONTACT,), (Event.CONTACT,), State.STANDING_BY),
 )
@@ -195,10 +195,10 @@ ASKED_MODES: Mapping[State, Mode] = {
     State.RETURNING: Mode.RETURN,
     State.LANDING: Mode.LAND,
 }
-"""The mode that each state asks for; ARMING asks for the autopilot's `arming_mode`.
+"""The mode that each state requests; ARMING requests the autopilot's `arming_mode`.
 
-HEARTBEAT may also show the mode in which the state began, until it shows another one. Any other mode is an external
-mode change, and final.
+HEARTBEAT may also show the mode at the beginning of the state, until it shows another one. Any other mode is an
+external mode change, and final.
 """
 
 

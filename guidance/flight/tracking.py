@@ -3,8 +3,8 @@
 Evader, home and game are kept in the local frame, whose origin GPS_GLOBAL_ORIGIN reports (or else home). A jump of the
 position has two possible causes. Either the estimator corrected the vehicle's position and the origin stays, or the
 origin moved, which may be reported earlier, later, never or wrongly. GLOBAL_POSITION_INT decides: the chosen origin is
-the one for which the local position is nearest to the global one. Until the next GLOBAL_POSITION_INT the jump is held
-back, so no command mixes the two frames.
+the one with the local position nearest to the global one. Until the next GLOBAL_POSITION_INT the jump is held back, so
+no command mixes the two frames.
 """
 
 import math

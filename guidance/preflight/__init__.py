@@ -4,12 +4,12 @@
 Each row is a `guidance.autopilots.Finding`.
 
 Contents:
-    PreflightMemory, Facts: what is read of one vehicle; ASK_AGAIN_S is the period of requests, COUNTED_S the averaging
+    PreflightMemory, Facts: the readings of one vehicle; ASK_AGAIN_S is the period of requests, COUNTED_S the averaging
         time of rates, EVADER_HEARD_S the age up to which a report is judged.
     parameter_names, quantities_read: the parameters of a version, and their values by quantity.
     single: a value rounded as on the wire.
     rows, engage_rows, another_autopilot: judgements of the facts. EVADER_ALTITUDE: name of a row.
-    refusals, advice: what the rows refuse, and its remedies.
+    refusals, advice: names of the refused rows, and their remedies.
     ParameterChange, changes: the parameters to set so that no row is refused.
 """
 

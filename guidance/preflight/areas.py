@@ -116,7 +116,7 @@ def acts_inside(
                 edge_m = edge_m[~contains(ring.corners_m, edge_m)]
         if len(edge_m):
             return _first_point(edge_m)
-    # At which points of our outline the fence acts. A point on the outline of an area is allowed by it.
+    # Find the points of our outline where the fence acts. An area allows the points on its own outline.
     inclusions = [area for area in areas if area.inclusion]
     outside = np.zeros(len(outline_m), dtype=bool)
     if inclusions:

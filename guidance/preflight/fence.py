@@ -66,7 +66,7 @@ class Uploaded(NamedTuple):
     """The uploaded fence.
 
     Attributes:
-        areas: Its areas; None until all of them were read and can be judged.
+        areas: Its areas; None until all are read and can be judged.
         refused: The MISSION_ACK that refused the download.
         problem: Why it cannot be judged.
     """
@@ -111,7 +111,7 @@ class Reading:
 
     @property
     def progress(self) -> str:
-        """How many items were read, in words."""
+        """Number of items read, in words."""
         if self._count is None:
             return "not read again: no answer"
         return f"not read again: {len(self._items)} of {self._count} items so far"
@@ -232,11 +232,11 @@ def uploaded_row(
     A fence that is in use and was not read, or cannot be judged, is refused like one that is too small.
 
     Args:
-        uploaded: What was read.
+        uploaded: The fence as it was read.
         wants: With our fence in metres about home.
         vehicle: Where home is.
         autopilot: Whether it heeds an uploaded fence, and how several areas count.
-        quantities: What was read of its parameters.
+        quantities: Values of its parameters that were read.
     """
     row = Finding(_NAME, uploaded.words, "a fence that encloses ours, or none", Verdict.PASS)
     if uploaded.areas == ():

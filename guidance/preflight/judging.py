@@ -1,7 +1,7 @@
 """Judges the facts of an autopilot against the wants of a flight, as rows.
 
-What matters for safety and is unknown is refused. Before every engagement the needed parameters and the fence are read
-and judged again (`engage_rows`).
+A fact that matters for safety and is unknown is refused. Before every engagement the needed parameters and the fence
+are read and judged again (`engage_rows`).
 """
 
 import math
