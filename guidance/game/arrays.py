@@ -45,7 +45,7 @@ AnyRecord = TypeVar("AnyRecord", bound=Any)
 
 
 class Library:
-    """An array library, with the functions that the kernels need besides its own."""
+    """An array library, and the further functions that the kernels need."""
 
     differentiates = False
     """True if it traces or differentiates: then every row takes every step, and derivatives must be finite."""

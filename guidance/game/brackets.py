@@ -22,7 +22,7 @@ CURVED_STEPS = 3
 """Halley's steps on a course that knows its curvature; from a refracted position 99 of 100 rows need no more."""
 
 NEARLY = 1e-6
-"""Slope, times v, from which Halley's step, whose error is its cube, leads to the last digits."""
+"""Slope, times v, small enough for Halley's step to reach the last digits: the error of the step is its cube."""
 
 TOGETHER = 4
 """Steps of all rows, before the rows that need more go on by themselves."""
@@ -63,7 +63,7 @@ class MarginEdge(Protocol):
 
 
 class Bracket(NamedTuple):
-    """An interval of a course, and the slopes at its ends, of which the first is negative and the second positive."""
+    """An interval of a course, and the slopes at its ends: the first is negative, the second positive."""
 
     low: Real
     high: Real
@@ -136,7 +136,7 @@ def _scanned_at_once(course: MarginEdge, positions: Array) -> Spot:
 
 
 def _between(xp: Library, before: tuple[Real, Pose], after: tuple[Real, Pose]) -> Bracket:
-    """Return the interval between two positions, whichever is the lower one."""
+    """Return the interval between two positions in either order."""
     position, pose = before
     next_position, next_pose = after
     ascends = next_position > position

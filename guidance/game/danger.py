@@ -61,7 +61,7 @@ from guidance.game.records import in_rows, is_zero
 from guidance.game.sight import SeenArc, SeenLine
 
 WIND_STEPS = 8
-"""Newton steps to the time in which a stand-off disc is reached in wind; three are usual."""
+"""Newton steps to the time of reaching a stand-off disc in wind; three are usual."""
 
 CLOSE = 1e-14
 """Share of a distance that counts as reached."""
@@ -319,7 +319,7 @@ def _lines(extent: Extent) -> tuple[Line, ...]:
 
 
 def _several(xp: Library, pieces: tuple[AnyRecord, ...], rivals: Rivals) -> list[AnyRecord]:
-    """Return pieces as records to go through; with NumPy all of them as one, along the first axis of arrays."""
+    """Return pieces as records to go through; with NumPy as one record of arrays, along the first axis."""
     if xp is not NUMPY or len(pieces) < 3:
         return list(pieces)
     return [_as_one(pieces, np.ndim(rivals.evader[0]))]
@@ -702,7 +702,7 @@ def _around(xp: Library, arc: Arc, rivals: Rivals) -> ShapePoint:
     bracket = Bracket(
         low=-edge,
         high=0.0 * edge,
-        # Where the evader sees the edge of the disc, the margin grows outwards at its steepest.
+        # The margin grows outwards at its steepest at the edge of the disc as the evader sees it.
         falling=0.0 * edge - 1.0 / rivals.v,
         rising=0.0 * edge,
         trial=course.refracted(xp),

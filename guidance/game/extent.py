@@ -1,6 +1,6 @@
 """A target with an extent: a point, a disc, a segment or a convex polygon about the target's position.
 
-The evader's region stays what it is, and the value of TAD is the distance between the region and the target's set
+The evader's region does not change, and the value of TAD is the distance between the region and the target's set
 (arXiv 2109.07075, 2104.00717). With X* of the region and T* of the set the closest pair, the gradients of the value are
 those of the game with the point T* as target (envelope theorem). So every formula for a point holds with T* for T.
 
@@ -18,7 +18,7 @@ from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, cross2, ti
 from guidance.game.records import is_finite, require
 
 OUTLINE = 64
-"""Directions in which the outermost points make up the outline of a set."""
+"""Number of directions; the outermost points in these directions are the outline of a set."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """The definition of a game: speeds, capture, wind, information age; and the codes of its answer.
 
 One record describes every combination. It checks its numbers and keeps them as floats, and arrays as floating point
-arrays. Two games are equal if their numbers are, whatever type they were given in.
+arrays. Two games are equal if their numbers are; the types given do not matter.
 """
 
 import math
@@ -70,9 +70,9 @@ class Reason(Code):
     """Both players reach the target at the same instant."""
     TOO_OLD = 5
     """The evader's position is older than `guaranteed_age_s` (PE), or has any age (TAD). Value and winner hold for an
-    evader that keeps its heading from when it was seen; others can do better, so nothing is guaranteed."""
+    evader that keeps its heading from when it was seen; others can do better, so there is no guarantee."""
     BRACKET = 6
-    """Several pursuers without a proven value: `value` is what they guarantee, `lower_bound` what the evader does."""
+    """Several pursuers without a proven value: `value` is their guarantee, `lower_bound` the evader's."""
     NOT_FINITE = 10
     """A position or velocity is NaN or infinite."""
     PURSUER_TOO_SLOW = 11
@@ -234,7 +234,7 @@ class Game(Numbers):
 
 
 def speed_in_hand(game: Game) -> Real:
-    """Return u − v − ‖w‖, m/s: the least speed at which the pursuer gains on the evader."""
+    """Return u − v − ‖w‖, m/s: the pursuer's least closing speed on a fleeing evader."""
     if game.calm:
         return game.pursuer.horizontal_m_s - game.evader_speed_m_s
     return less_length(game.pursuer.horizontal_m_s, game.evader_speed_m_s, game.wind_m_s)

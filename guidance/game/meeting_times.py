@@ -1,4 +1,4 @@
-"""Times at which a pursuer's reach, a growing ball or circle, has grown as far as a moving evader."""
+"""Times until a pursuer's reach, a growing ball or circle, arrives at a moving evader."""
 
 from collections.abc import Callable
 

@@ -1,6 +1,6 @@
 """Records of numbers: each number is checked and kept as a float, each array as a floating point array.
 
-Records are equal, and have the same hash, if their numbers are equal, whatever type these were given in.
+Records are equal, and have the same hash, if their numbers are equal; the types given do not matter.
 """
 
 import math

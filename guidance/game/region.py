@@ -62,7 +62,7 @@ _TRACED_STEPS = 12
 
 
 class Closest(NamedTuple):
-    """Where the evader ends: the vector of its run, m; the time, s; the distance from its target, m."""
+    """The evader's end: the vector of its run, m; the time, s; the distance from its target, m."""
 
     run: Plane
     time: Real

@@ -15,7 +15,7 @@ _SIGNED = ("wind_x_m_s", "wind_y_m_s")
 ZERO_ALLOWED = ("capture_radius_m", "information_age_s", "radius_m", "height_m")
 
 _PIECE: Final = 8192
-"""Numbers of which NumPy computes a scalar product in one thread."""
+"""Length of vectors whose scalar product NumPy computes in one thread."""
 
 
 def leading_shape(game: Game, named: dict[str, Array]) -> tuple[int, ...]:

@@ -1,7 +1,7 @@
-"""What defines a game, whole: mathematics, flights, teams, coordinator, results and reports build their game here.
+"""The whole definition of a game: mathematics, flights, teams, coordinator, results and reports build theirs here.
 
-`Game` has defaults, which are the paper's game. A scenario or a vehicle file says all of it, and a part that its reader
-forgets would silently be another game. So every part of `Rules` has to be given.
+`Game` has defaults, which are the paper's game. A scenario or a vehicle file defines every part, and a part that
+its reader forgets would silently be another game. So every part of `Rules` has to be given.
 """
 
 from typing import Annotated, NamedTuple

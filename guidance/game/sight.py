@@ -133,7 +133,7 @@ class SeenArc(NamedTuple):
         aside = self.pursuer[1]
         flight = xp.sqrt(ahead * ahead + aside * aside + (self.height_square + TINY))
         sine = -self.v * aside / (self.u * flight)
-        # That of the angle between the evader's way and its way to the centre
+        # Sine of the angle between the evader's way and its way to the centre
         other = sine * self.radius / (self.radius + self.apart)
         cosine = xp.sqrt(1.0 - sine * sine)
         other_cosine = xp.sqrt(1.0 - other * other)

@@ -270,7 +270,7 @@ def _solve_rows(
     chunk_rows = ROWS if game.target_extent.is_point else 2 * ROWS
     if count <= chunk_rows:
         if not game.target_extent.is_point:
-            # Kernels choose rows by the game and the vectors: all of them have the whole leading shape.
+            # Kernels choose rows by the game and the vectors, so both need the whole leading shape.
             game = for_rows(game, lambda value: np.broadcast_to(value, shape))
             if any(vector.shape[:-1] != shape for vector in named.values()):
                 named = {

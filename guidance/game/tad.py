@@ -12,7 +12,7 @@ Errors of the paper:
   play that it prescribes. The value here is the payoff of that play, the distance that the pursuer is short of a
   capture when the evader arrives: ‖P − T‖ − δ‖E − T‖ in the paper's game.
 * Its payoff J_P there, eq. (35), drops z_P. Flying straight to T would not minimise that: measured horizontally, a
-  pursuer would not descend at all. The distance here is measured in space.
+  pursuer would not descend. The distance here is measured in space.
 * c = T, where g* has no direction, cannot happen while the pursuer wins (‖c − T‖ > r), but it can when the evader wins.
   The answer is finite there.
 """
@@ -225,7 +225,7 @@ def _compare(
         return TargetRace(goal, arrival, guard, margin, short, paper.edge)
     selected = margin > 0 if paper is None else (margin > 0) & ~circle
     near = goal
-    # Where it can meet the point of its target that is nearest now
+    # The vector to the point of its target that is nearest now, when the evader can meet it
     if not game.target_extent.is_point:
         of_set, _ = nearest(xp, game.target_extent, (-centre[0], -centre[1]))
         _, near = _arrive(xp, game, from_set(centre, of_set))
@@ -380,7 +380,7 @@ def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:
     Points X of the region's edge are reached at the same time, |XE|/v − τ = t(X). With g the pursuer's distance from
     the stand-off disc, and c = u τ − l:
 
-    * No part of the evader's spread v τ may be captured now. Else the evader may end there, besides the edge.
+    * No part of the evader's spread v τ may be captured now. Else the evader may also end there, not only at the edge.
     * If c ≤ 0, the region is an intersection of discs.
     * In the plane in still air (Cylinder with R in l, and an evader in space) the edge is a Cartesian oval. It has a
       dent in front of the pursuer unless c ≤ (u/v − 1)|PE|.

@@ -165,7 +165,7 @@ class Ball(SpeedSet):
         return ((far - capture, (reach * rate + z * climbing) / far),)
 
     def top_speed_m_s(self, xp: Library, level_m_s: Real) -> Real:
-        """See `SpeedSet`; the horizontal part may be all of it."""
+        """See `SpeedSet`; the whole speed may be horizontal."""
         return level_m_s
 
     def support(self, direction: Array) -> Array:

@@ -86,7 +86,7 @@ class Cylinder(SpeedSet):
         return gap - capture > TOUCH_M, abs(z) - capture > TOUCH_M
 
     def vertical(self, xp: Library, level: Plane, z: Real) -> Real:
-        """See `SpeedSet`; all of it."""
+        """See `SpeedSet`; the whole vertical speed."""
         return xp.select(z > 0, -self.descent_m_s, self.climb_m_s)
 
     def pace(self, velocity: Space) -> float:
@@ -106,7 +106,7 @@ class Cylinder(SpeedSet):
     ) -> tuple[Real, Real]:
         """See `SpeedSet`.
 
-        The capture counts slightly outside the distance at which the pursuer holds, so that it gets there.
+        The capture counts slightly farther out than the pursuer holds, so that it gets there.
         """
         rate = self._rate(xp, z)
         met = capture + 2.0 * TOUCH_M

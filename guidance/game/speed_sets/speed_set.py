@@ -1,4 +1,4 @@
-"""The port of a speed set: every answer of a game that depends on how fast the pursuer flies in which direction.
+"""The port of a speed set: every answer of a game that depends on the pursuer's speed in each direction.
 
 A speed set has the same level speed in every direction. With its disc, the stand-off disc of radius R and the capture
 radius l about it, it decides when an evader is captured, and how distances to a capture are measured. A set is one of
@@ -42,7 +42,7 @@ class Planar(NamedTuple):
 
 
 class Short(NamedTuple):
-    """How far a pursuer is from a capture, m: ‖(level, vertical)‖ − reach.
+    """Distance of a pursuer from a capture, m: ‖(level, vertical)‖ − reach.
 
     `level` may be negative, where the pursuer is inside.
     """
@@ -114,7 +114,7 @@ class SpeedSet(Numbers, ABC):
             radius: of the stand-off disc, m.
             capture: capture radius, m.
             gap: horizontal distance to the disc now, m; negative inside.
-            spare: u less the rate at which that distance grows, m/s.
+            spare: u less the growth rate of that distance, m/s.
             z: height of the pursuer, m.
         """
 
@@ -236,7 +236,7 @@ class SpeedSet(Numbers, ABC):
             capture: capture radius, m.
             beside: horizontal distance to the disc, m.
             z: height of the pursuer, m.
-            closing: the largest rate at which the horizontal distance can shrink, m/s.
+            closing: the largest closing rate of the horizontal distance, m/s.
         """
 
     @abstractmethod
@@ -253,7 +253,7 @@ class SpeedSet(Numbers, ABC):
         """
 
     def top_speed_m_s(self, xp: Library, level_m_s: Real) -> Real:
-        """Return a bound of the speed over the ground, of which the horizontal part is at most `level_m_s`."""
+        """Return a bound of the speed over the ground whose horizontal part is at most `level_m_s`."""
         vertical_m_s = xp.maximum(self.climb_m_s, self.descent_m_s)
         return xp.sqrt(level_m_s**2 + vertical_m_s**2)
 

@@ -29,7 +29,7 @@ DIFFERENT = (
     "information_age_s",
     "wind_m_s",
 )
-"""What may differ between the games of a team, as numbers."""
+"""Parameters whose numbers may differ between the games of a team."""
 
 
 class TeamGame(NamedTuple):
@@ -170,9 +170,9 @@ def in_play_of(mask: ArrayLike | None, m: int) -> Array:
 
 
 def judged(answer: _Outcome, fault: Array, fault_words: Callable[[], str]) -> _Outcome:
-    """Return an answer with nothing in the rows that have a fault, or refuse a single state that has one.
+    """Return an answer with missing values in the rows that have a fault, or refuse a single state that has one.
 
-    Nothing is NaN, −1 for numbers of players, and 0 for other whole numbers.
+    Missing values are NaN, −1 for numbers of players, and 0 for other whole numbers.
 
     Args:
         answer: of the leading shape of `fault`.

@@ -7,7 +7,7 @@ are captured before their deadlines. The sets of all pursuers are disjoint, and 
 
 A pursuer may hold a promise: an evader that it alone keeps from its target. It takes another one before that only if
 it is then still sooner at the target than the promised evader can be, on its shortest way. This check does not depend
-on what was foreseen of that evader.
+on the foreseen run of that evader.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 Every pursuer goes to the first evader of its order (`orders`), where that is captured if it runs as foreseen. A pursuer
 that has promised a capture does so only where the promise allows it, and else plays the game against that evader, which
-keeps the promise for any play. So foresight decides only what is captured beyond the promises.
+keeps the promise for any play. So foresight decides only about captures beyond the promises.
 
 A promise may be of two kinds. A *distance*: the evader gets no closer to its target than the game's value. The pursuer
 then always plays the game. A *capture*: the evader does not get to its target. The pursuer may then spend its distance:
@@ -34,13 +34,13 @@ from guidance.game.team.rules import TeamView, chase
 from guidance.game.team.table import place_of, taken
 
 _STEPS: Final = 10
-"""Steps after which the orders are made anew, if no evader's game has ended before."""
+"""The orders are made anew every so many steps, and when an evader's game ends."""
 
 SHOWN: Final = 0.25
 """Time over which an evader's velocity is averaged, as a share of the time that it needs to its target."""
 
 _SPARE_STEPS: Final = 2.0
-"""Steps by which a promised capture has to hold, because velocities are held.
+"""Time to spare of a promised capture, in steps, because velocities are held.
 
 With a margin of two steps the value of the game is at least 2 u step / (u/v + 1): the pursuer could fly to the target,
 and from there meet the evader. That is more than `HELD` of both players' way up to u/v = 17.
@@ -48,7 +48,7 @@ and from there meet the evader. That is more than `HELD` of both players' way up
 
 
 class Intent(NamedTuple):
-    """What a team remembers from step to step, for leading axes (...).
+    """Memory of a team from step to step, for leading axes (...).
 
     Attributes:
         shown_m_s: mean velocity that each evader has shown, (..., m, 3), m/s.
@@ -89,7 +89,7 @@ def play_sequences(  # noqa: PLR0914
     step_s: float,
     spends: Array,
 ) -> tuple[Chase, Intent]:
-    """Return how the pursuers fly in a step, and what they intend then.
+    """Return the chase of the pursuers in a step, and their intent after it.
 
     Args:
         view: the moment; TAD.

@@ -1,4 +1,4 @@
-"""Where a team's margin is least on a target with an extent: the point that the evader has to be kept from first.
+"""The point of a team's least margin on a target with an extent: the team has to defend this point first.
 
 The margin at a point of the set is how much sooner a pursuer can be there than the evader, the best of all pursuers.
 It grows along every ray from the evader, so it is least on the set's edge: straight sides, and arcs around the corners
@@ -106,7 +106,7 @@ def _least(game: Game, state: Geometry, to_target: Plane, pieces: Pieces) -> Pla
     """Return the point of some pieces with the least margin, from the target's position, m."""
     angle, step = _points_between(pieces.low, pieces.high, _TRIED)
     margin = _margins(game, state, plus2(to_target, 1.0, pieces.at(angle)))
-    # The lowest minima along the pieces, by their numbers over all of them, (MINIMA, ...)
+    # Indices over all pieces of the lowest minima along them, (MINIMA, ...)
     beyond = np.full_like(margin[:, :1], np.inf)
     before = np.concatenate([beyond, margin[:, :-1]], axis=1)
     after = np.concatenate([margin[:, 1:], beyond], axis=1)

@@ -9,7 +9,7 @@ comes when the integral of κ is the distance less the capture radius l, and the
 has taken it. For a measure of velocities with that integral of κ, the time of the capture t and the pursuer's place Y
 then are linear in the measure. So t + ‖Y − T‖/u is convex in it, and largest at an extreme point: one velocity that is
 kept. Then the pursuer flies straight to Y, and Y lies in the Apollonius disc of the pursuer and the evader moved by
-l r. So whatever the first evader does, the pursuer can have captured it and be at the target T within
+l r. So for any play of the first evader, the pursuer can have captured it and be at the target T within
 
     max over Y of that disc of (‖Y − P‖ + ‖Y − T‖)/u,
 

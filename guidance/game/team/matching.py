@@ -81,7 +81,7 @@ class Matching(NamedTuple):
         winner: `Winner`, (..., m): 1 where the capture is guaranteed, −1 where it is not, 0 out of play.
         value: TAD: guaranteed distance of the evader from its target, (..., m), m; 0 without a guarantee. PE:
             guaranteed capture time, s; infinite without a guarantee. NaN out of play.
-        lower_bound: what the evader's play guarantees to it against its team (TAD, m) or against all (PE, s), (..., m).
+        lower_bound: guarantee of the evader's play against its team (TAD, m) or against all (PE, s), (..., m).
         meeting_point_m: end point of each evader, (..., m, 3), m: X*, or its target.
         pursuer_velocity_m_s: (..., n, 3), m/s; zero if no evader is in play.
         evader_velocity_m_s: (..., m, 3), m/s; zero out of play.
@@ -160,7 +160,7 @@ def match_teams(
             answer = _answer(table, first, no_second, play._replace(value=time_s))
         else:
             first, mate = _with_pairs(table, edges, previous_pairs, first)
-            # What each first and every other pursuer guarantee together: known if these are the promised firsts.
+            # The joint guarantee of each first and every other pursuer is known if these are the promised firsts.
             pairs = None
             if previous_pairs is not None and np.array_equal(first, previous_pairs.asked):
                 pairs = previous_pairs.pairs

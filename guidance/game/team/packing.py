@@ -1,4 +1,4 @@
-"""Who plays against whom: as many evaders as can be matched with pursuers, and of those the largest profit.
+"""Matchings of pursuers and evaders: as many evaders as can be, and of those matchings the largest profit.
 
 Single pursuers are a linear assignment. Where an evader may need two pursuers, it is a set packing, which is solved as
 an integer programme: first for the number of evaders, then for the profit at that number.
@@ -46,7 +46,7 @@ def packed(singles: Array, pairs: Array, numbers: Array, promised: Array) -> tup
 
     Args:
         singles: profit of each pursuer alone, (m, n), zero or more; −∞ where it guarantees nothing.
-        pairs: profit of each pair of pursuers, (m, k), likewise.
+        pairs: the same of each pair of pursuers, (m, k).
         numbers: of both pursuers of each pair, (k, 2).
         promised: evaders that come first where not all can be matched, (m,).
     """

@@ -6,9 +6,9 @@ Let W = P − E, δ = u/v, ω the wind over v, and l the capture radius. A run a
 
 q the point of the stand-off disc closest to that point. Without a disc it is a quadratic in ρ,
 
-    κ ρ² + 2 h ρ = ‖W‖² − l²,    κ = δ² − ‖n − ω‖²,    h = W·(n − ω) + δ l,
+    κ ρ² + 2 h ρ = ‖W‖² − l²,    κ = δ² − ‖n − ω‖²,    h = W·(n − ω) + δ l.
 
-of which Apollonius' circle is the case ω = l = 0 (Li, Wang & Xie, section II-B). It is written without centre and
+Apollonius' circle is the case ω = l = 0 (Li, Wang & Xie, section II-B). It is written without centre and
 radius, because these go to infinity as δ → 1 and cost digits. With a disc, q is found in rounds: an error of q changes
 ρ by its square. A Cylinder's region is that of its horizontal game, with the stand-off and capture radius as l,
 together with the disc around the evader that this reaches before the pursuer can be at its height.
@@ -36,7 +36,7 @@ _STEPS = 80
 """Newton and bisection steps to a crossing; five are usual."""
 
 ASIDE = 1e-15
-"""How far the heading halfway between two is turned, so that opposite ones have one."""
+"""Turn of the heading halfway between two, so that opposite headings have one, too."""
 
 
 class Regions(NamedTuple):

@@ -1,7 +1,7 @@
 """Teams played to the end of the game: all players as point masses, each evader until it is captured or arrives.
 
-All players keep a velocity for a step. A step is never longer than the least time in which an evader could be captured
-or arrive, so that no end is missed; the steps shorten until the end is a nanosecond away. An evader that has ended
+All players keep a velocity for a step. A step is never longer than the least time to a capture or arrival of an evader,
+so that no end is missed; the steps shorten until the end is a nanosecond away. An evader that has ended
 stays where it is, and its pursuers are matched again. Promises of the first matching are kept by the play "optimal": an
 evader ends no closer to its target than promised, or no later, with an error of up to 2 (u + v) `step_s` because
 velocities are held. The play "captures" keeps the captures and not the distances. A capture in TAD with less to spare
@@ -35,7 +35,7 @@ CAPTURES = "captures"
 """The plays of `guidance.game.team.captures` that keep promises, of distances and of captures."""
 
 HELD = 0.1
-"""Share of both players' way in a step by which the value of TAD may fall because velocities are held.
+"""Largest fall of TAD's value because velocities are held, as a share of both players' way in a step.
 
 Of 7,432 plays against searching evaders with steps of 0.05 s at 2 and 1 m/s, 7 lost a value of 0.003 to 0.011 m, and
 none more: 0.073 of the way.
@@ -105,7 +105,7 @@ def rollout_teams(  # noqa: PLR0914
         pursuer_policy: "optimal" is the play of `match_teams`; "captures", in TAD, keeps the promised captures and not
             the distances, for more captures. A name in `TEAM_RULES`, or a `TeamRule`, is a rule without promises. Any
             other name in `PURSUER_POLICIES`, or a function like them, is played by each pursuer against its matched
-            evader. It is told the evader's velocity of the step before; before the first step that is zero.
+            evader. It gets the evader's velocity of the step before; zero in the first step.
         evader_policy: "optimal", or a name in `EVADER_POLICIES` or a function, played against the nearest pursuer.
         capture_m: distance that counts as captured, m, beside the capture radius of the game.
         step_s: longest step, s.
@@ -175,7 +175,7 @@ def rollout_teams(  # noqa: PLR0914
 
 
 class Outcomes(NamedTuple):
-    """Of each evader, (..., m): how its game ended, or that it runs, when, and by which pursuer (−1: by none)."""
+    """End of each evader's game, (..., m): its kind, or that the game runs; the time; the captor (−1 for none)."""
 
     end: Array
     time_s: Array
@@ -183,7 +183,7 @@ class Outcomes(NamedTuple):
 
 
 class NextEvents(NamedTuple):
-    """What would happen next at the present velocities, s from now; inf for never.
+    """Times to the next events at the present velocities, s; inf for never.
 
     Attributes:
         capture_s: of an evader by a pursuer, (..., n, m).
@@ -286,7 +286,7 @@ def _course(
     intent: Intent | None,
     step_s: float,
 ) -> tuple[Chase, Intent | None]:
-    """Return how the pursuers fly in a step, each by its own policy, and what they intend then."""
+    """Return the chase of the pursuers in a step, each by its own policy, and their intent after it."""
     course = Chase(matching.pursuer_velocity_m_s, matching.evader_of)
     if sides.spends.any():
         before = first_intent(view) if intent is None else intent

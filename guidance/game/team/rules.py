@@ -1,4 +1,4 @@
-"""Rules by which teams of pursuers play: whom each pursuer chases, and how. They know no guarantees.
+"""Rules for the play of teams of pursuers: whom each pursuer chases, and how. They know no guarantees.
 
 `rollout_teams` plays a rule by its name, so that it can be compared with the play that keeps promises.
 """
@@ -19,7 +19,7 @@ from guidance.game.team.table import place_of, taken
 
 
 class TeamView(NamedTuple):
-    """What a team's rule knows at a moment of a batch of games, for leading axes (...).
+    """Inputs of a team's rule at a moment of a batch of games, for leading axes (...).
 
     Attributes:
         game: of every pair; its numbers are single or (..., n, m).

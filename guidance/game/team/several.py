@@ -89,7 +89,7 @@ _ROUNDING = 1e-11
 """Relative difference of two bounds that counts as none."""
 
 MISSED = 1e-10
-"""Relative length by which a run is longer than the longest that was found."""
+"""A run counts as longer than the longest one found if it exceeds it by this share."""
 
 _TRIED = 180
 """Headings that are tried first for the run that ends closest to the target."""
@@ -264,7 +264,7 @@ def _against_a_set(
 
 
 def _best_pair(team: PursuerGames) -> Meeting:
-    """Return what the best two pursuers guarantee, or the best one."""
+    """Return the guarantee of the best two pursuers, or of the best one."""
     count = team.own.shape[-1]
     pairs = together(team, (..., pairs_of(count)))
     best = place_of(np.argmax(pairs.worth, axis=-1))
@@ -362,7 +362,7 @@ def nearest_run(
             part[unmet] = np.where(nearer, found, part[unmet])
     same = shortest <= best.worth * (1.0 + _ROUNDING)
     worth = np.where(same, best.worth, shortest)
-    # Where the run is worth more than the best pair's, no pursuers decide it.
+    # No pursuers decide a run that is worth more than the best pair's.
     longer = worth > best.worth
     first = np.where(longer, -1, best.first)
     second = np.where(longer, -2, best.second)
@@ -370,7 +370,7 @@ def nearest_run(
 
 
 class _End(NamedTuple):
-    """The end of a run from the evader, m, and what it is worth."""
+    """The end of a run from the evader, m, and its worth."""
 
     x: Array
     y: Array
@@ -534,7 +534,7 @@ def _runs_to_ends_and_crossings(regions: Regions, own_ends: Sequence[Array], rea
     x[..., :count], y[..., :count] = own_ends
     ends[..., :count, :] = np.maximum(reached, beside.safe)
     ends[..., every, every] = reach
-    # Edges cross if each is the shorter one along its own heading; every pair stands for both crossings.
+    # Edges cross if each is the shorter one along its own heading; this test of a pair holds for both crossings.
     i, j = pairs.T
     first_shorter = reached[..., i, i] > reached[..., i, j]
     second_shorter = reached[..., j, j] > reached[..., j, i]
@@ -580,8 +580,8 @@ def assembled(
     Args:
         team: the pursuers.
         evader: position of the evader, (..., 3), m.
-        run: the run of the evader, and what it guarantees to it.
-        best: what the pursuers guarantee.
+        run: the run of the evader, and its guarantee to the evader.
+        best: the pursuers' guarantee.
         flies: which pursuers fly to that together, (..., n); the others play their own game.
     """
     alone = team.alone

@@ -459,7 +459,7 @@ def _leading_shape(
 
 
 def _without(team: PursuerGames, plays: Array) -> PursuerGames:
-    """Return a team in which pairs that do not play capture nobody."""
+    """Return the team without captures by pairs that do not play."""
     regions = team.regions._replace(safe=np.where(plays, team.regions.safe, FAR_M))
     nothing = -np.inf if team.goal is None else 0.0
     worth, own_worth = (np.where(plays, part, nothing) for part in (team.worth, team.own))
@@ -507,7 +507,7 @@ def pairs_with(table: Table, first: Array) -> Meeting:
 
 
 def are(count: int, *members: Array) -> Array:
-    """Return which of some players, (..., count), one of some numbers (...) stands for."""
+    """Return which players, (..., count), are among the members, each the number of a player, (...)."""
     numbers = np.stack(members, axis=-1)
     is_member = numbers[..., None] == np.arange(count)
     return np.asarray(is_member.any(axis=-2))
