@@ -5,7 +5,7 @@
 
 
 def __getattr__(name: str) -> str:
-    """Return `__version__`, looked up only when it is asked for."""
+    """Return `__version__`, looked up only on access."""
     if name == "__version__":
         from importlib.metadata import version  # noqa: PLC0415 - what reads packages takes a tenth of a second
 

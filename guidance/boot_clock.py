@@ -40,7 +40,7 @@ _WRAP_S: Final = 2.0**32 / 1e3
 
 
 class BootClock(NamedTuple):
-    """What is known about the vehicle's clock, and how late its telemetry is.
+    """Estimate of the vehicle's clock, and the delay of its telemetry.
 
     Attributes:
         offset_s: Least difference of our clock and the vehicle's; -inf before the first answer to TIMESYNC.

@@ -31,7 +31,7 @@ MOST_FAULTS: Final = 20
 """Further faults of a file are only counted in its message."""
 
 _TOKEN = re.compile(r'''"""|\'{3}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|\\.|[\[\]{}]|#.*''')
-"""What decides whether a TOML statement goes on in the next line; texts and comments hide brackets."""
+"""Tokens that decide whether a TOML statement continues in the next line; texts and comments hide brackets."""
 
 _LONG_QUOTES: Final = ('"""', "'''")
 _DEEPER: Final = {"[": 1, "{": 1, "]": -1, "}": -1}
@@ -65,7 +65,7 @@ AltitudeAmsl = Annotated[float, Field(ge=-500.0, le=9000.0)]
 def lines_of(text: str, locations: Sequence[Location]) -> list[int | None]:
     """Return the line (from 1) of each key, or of the nearest table above it; None where neither is in the text.
 
-    Reads the statements once, whatever their number, and keeps only what the locations name.
+    Reads the statements once, for any number of locations, and keeps only the lines of these.
 
     Args:
         text: A valid TOML document.
@@ -189,7 +189,7 @@ class Section(BaseModel):
         return schema
 
     def _faults(self) -> Iterator[str]:
-        """Yield what is wrong with values that are allowed one by one. The first is reported, and ends the check."""
+        """Yield faults of values that are allowed one by one. The first is reported, and ends the check."""
         yield from ()
 
     @model_validator(mode="after")
@@ -205,7 +205,7 @@ class Extended(Section):
     @classmethod
     @abstractmethod
     def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
-        """Return the model of the keys that this document has besides those of this class; None if there are none.
+        """Return the model of the keys that this document has beyond those of this class; None if there are none.
 
         Raises:
             ConfigError: If the package that has them cannot be imported.
@@ -350,7 +350,7 @@ def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
     if fault["type"] == "extra_forbidden":
         if key in RENAMED:
             return f"{key}: was renamed to {RENAMED[key]}"
-        # What is allowed there, following optional sections and tables.
+        # The keys allowed there, following optional sections and tables.
         section: type[BaseModel] | None = model
         for part in location[:-1]:
             field = section.model_fields.get(part) if section else None
@@ -375,7 +375,7 @@ def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
     message = fault["msg"].removeprefix("Value error, ")
     if not key or message.startswith(f"{key}."):
         return message
-    # What the value must be, instead of pydantic's message.
+    # State the requirement on the value, instead of pydantic's message.
     size = r"^(?:tuple|list) should have at (most|least) (\d+) items? after validation, not \d+$"
     message = re.sub(size, r"must have \2 values at \1", message[0].lower() + message[1:])
     words = re.sub(r"^input should be ", "must be ", message)

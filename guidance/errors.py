@@ -1,4 +1,4 @@
-"""The errors a user can see, one class for each meaning. Every message says what is wrong and what to do next."""
+"""The errors a user can see, one class for each meaning. Every message states the fault and the remedy."""
 
 
 class GuidanceError(Exception):
@@ -8,7 +8,7 @@ class GuidanceError(Exception):
 
 
 class ConfigError(GuidanceError):
-    """A wrong configuration or argument. The message names the key, the value and what is allowed."""
+    """A wrong configuration or argument. The message names the key, the value and the allowed values."""
 
     exit_code = 2
 

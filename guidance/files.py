@@ -54,7 +54,7 @@ def private_file(path: Path) -> Path:
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a private file to write to. It takes the place of `path` when the body ends, and is removed if that fails.
+    """Yield a private file for writing. It takes the place of `path` when the body ends, and is removed if that fails.
 
     A device such as /dev/stdout is written directly.
 

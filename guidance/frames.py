@@ -149,7 +149,7 @@ Place = tuple[float, float, Amsl]
 
 
 class Projection(NamedTuple):
-    """How latitude and longitude become metres. An autopilot's local position needs the autopilot's own projection.
+    """Conversion of latitude and longitude to metres and back. An autopilot's local position needs its own projection.
 
     Autopilots treat the Earth as a sphere; their metres differ from WGS-84's by up to 0.5 %.
 
@@ -222,7 +222,7 @@ class LocalFrame:
         """Turn any altitude into one above mean sea level.
 
         Raises:
-            ConfigError: If what the conversion needs (home, undulation) is not known.
+            ConfigError: If home or undulation is needed, and is not known.
         """
         match altitude:
             case Amsl():

@@ -298,7 +298,7 @@ class MateState(NamedTuple):
         velocity_ned_m_s: North, east, down.
         top_speed_m_s: Its largest speed.
         doubt_m: Sum of its jumps that no motion explains: it may be this far from the place it reports.
-        airborne: Whether it flies; on the ground nobody has to stay away from it.
+        airborne: Whether it flies; on the ground no vehicle has to avoid it.
     """
 
     name: str
@@ -313,7 +313,7 @@ class MateState(NamedTuple):
 
 
 class Role(NamedTuple):
-    """What a vehicle does in its team: the evader that it plays against, and its height above the game's disc."""
+    """Role of a vehicle in its team: its evader, and its height above the game's disc."""
 
     evader: str
     above_m: float = 0.0

@@ -1,4 +1,4 @@
-"""What a package from outside needs: its object goes into an entry point group, and files then know its name.
+"""The interface for packages from outside: an object goes into an entry point group, and files then know its name.
 
 | group | object | names |
 |---|---|---|
@@ -10,7 +10,7 @@
 | `pursuit_guidance.sections` | a subclass of `Section` | a section of vehicle files |
 
 A policy is no entry point: `policy = "module:function"` names it (`guidance.strategies.own`). A package is
-imported when a file uses its name; outputs are opened by every flight, and one that wants to be asked for has a section
+imported when a file uses its name; outputs are opened by every flight, and an optional one has a section
 of its own and returns None if `order.config.section(ItsSection)` is None.
 """
 

@@ -1,6 +1,6 @@
 """Terminal output: tables that fit the terminal, and waiting lines. NO_COLOR, TERM=dumb and pipes have no colours.
 
-Titles of files, messages of autopilots and answers of daemons come from strangers: whatever is printed here has no
+Titles of files, messages of autopilots and answers of daemons come from strangers: text printed here has no
 markup, and its control characters are escaped.
 """
 
@@ -119,7 +119,7 @@ def counted(steps: Iterable[_Step], what: str, total: int) -> Iterator[_Step]:
 
     Args:
         steps: The work.
-        what: What is done, in words.
+        what: The work in words.
         total: Number of steps.
     """
     target = console(stderr=True)
@@ -173,7 +173,7 @@ def waiting(target: Console, what: str, limit_s: float) -> Iterator[Callable[[st
 
     Args:
         target: The console; standard error, so that the output stays clean.
-        what: The event to wait for, in words.
+        what: The awaited event, in words.
         limit_s: Longest wait.
 
     Yields:

@@ -4,7 +4,7 @@
 def printable(text: str) -> str:
     """Escape control, direction and surrogate characters of untrusted text.
 
-    Control characters could command a terminal, direction characters reverse what stands beside them, and surrogates
+    Control characters could command a terminal, direction characters reverse the text beside them, and surrogates
     have no bytes.
     """
     return "".join(

@@ -156,7 +156,7 @@ def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
 
     The messages must be plausible, as links deliver them. Local positions that are not newer than the last one are
     ignored. So is a home reported after home was fixed: PX4 moves it by up to 2 m every two seconds, an operator may
-    set it anywhere, and heights and fences refer to the home that the flight was accepted with.
+    set it anywhere, and heights and fences refer to the home at the flight's acceptance.
     """
     if not arrived:
         return state
@@ -203,7 +203,7 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
         smoothed = state.acceleration_ned_m_s2
         acceleration_ned_m_s2 = smoothed + (present - smoothed) * share
     state = state._replace(acceleration_ned_m_s2=acceleration_ned_m_s2, clock=clock)
-    # What the velocities do not explain is a jump, if no manoeuvre explains it either.
+    # A movement that neither the velocities nor a manoeuvre explain is a jump.
     way = now.position_ned_m - previous.position_ned_m
     jump = way - 0.5 * step_s * (previous.velocity_ned_m_s + now.velocity_ned_m_s)
     if not math.hypot(*jump) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s:

@@ -110,7 +110,7 @@ class EvaderPilot:
                 memory,
                 last_m_s=self._last_m_s,
             )
-            # A policy without an answer stands still, and the pursuer's flight goes on
+            # Without an answer of its policy the evader stands still, and the pursuer's flight continues
             self._last_m_s = np.where(np.isfinite(asked_m_s), asked_m_s, 0.0)
             x, y, _ = self._last_m_s.tolist()
             self.link.send_setpoint(Setpoint(ned_from_game(Enu((x, y, 0.0)))))

@@ -90,7 +90,7 @@ def faulted_fleet(scenario: Flown) -> dict[str, Faulted]:
     """Make all vehicles, with the faults that count from the start.
 
     Raises:
-        ConfigError: If a vehicle cannot have one of its faults: with the key, the value and what is allowed.
+        ConfigError: If a vehicle cannot have one of its faults: with the key, the value and the allowed values.
     """
     title = pursuits_of(scenario)[0].scenario.title
     faulted = dict[str, Faulted]()

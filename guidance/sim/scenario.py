@@ -289,7 +289,7 @@ class AnyScenario(Section):
     time_limit_s: float = Field(300.0, gt=0.0, description="longest game, from engagement")
 
     def _shared_faults(self, own: Collection[str], **policies: Collection[str]) -> Iterator[str]:
-        """Yield what is wrong with the keys of both kinds, from the policies that each player may have.
+        """Yield the faults in the keys of both kinds, given the policies that each player may have.
 
         Args:
             own: The players that may have a user's policy.
@@ -399,7 +399,7 @@ class Pursuit(NamedTuple):
 
 
 Flown = Scenario | Sequence[Pursuit]
-"""What is flown: one scenario with its two players, or several pursuits at the same time."""
+"""The flight: one scenario with its two players, or several pursuits at the same time."""
 
 
 def pursuits_of(scenario: Flown) -> Sequence[Pursuit]:

@@ -61,7 +61,7 @@ def load_any(name: str, seed: int | None = None) -> tuple[Path, Scenario | TeamS
 def with_policies(scenario: Scenario, **policies: str) -> Scenario:
     """Return a scenario whose players (`pursuer`, `evader`) have other policies, checked as a file's.
 
-    A course of the policy before is left out, and so are expectations, which were meant for the policies before.
+    A course of the policy before is left out, and so are expectations, which belong to the policies before.
 
     Raises:
         ConfigError: If a policy is unknown, or needs a key that the scenario does not have.
@@ -126,7 +126,7 @@ def read_track(path: Path, player: str, *, key: str) -> list[TrackRow]:
     Args:
         path: A .csv with the columns t_s, x_m, y_m and, where there is height, z_m; or a flight's record, .mcap.
         player: "pursuer" or "evader": whose track of a record.
-        key: What the error names.
+        key: The key that the error names.
 
     Raises:
         ConfigError: If the file cannot be read, is neither, or has no such rows.

@@ -41,7 +41,7 @@ class SteppedMock:
         frames: list[bytes] = []
         arrived_s = max((sent_s for sent_s, _ in packets), default=now_s) + _ON_THE_WAY_S
         if arrived_s < now_s - 0.5 * _ON_THE_WAY_S:
-            # The loop stood still. What it sent before that has arrived then, and not only now.
+            # The loop stood still. Frames that it sent before have arrived then, not only now.
             frames += self._vehicle.step(arrived_s, received)
             received = []
         frames += self._vehicle.step(now_s, received)
@@ -111,8 +111,8 @@ class SteppedWorld(World):
 class EvaderHere(EvaderPilot):
     """The evader of a flight whose vehicle is not ours, stepped from the run's own loop.
 
-    It is the rover of mocked flights, and reports as a real evader would: what the service hears are its MAVLink
-    frames, and its TIMESYNC is answered too.
+    It is the rover of mocked flights, and reports as a real evader would: the service receives its MAVLink frames, and
+    its TIMESYNC is answered too.
 
     Args:
         scenario: Its play and its place on Earth, and faults of its own only.

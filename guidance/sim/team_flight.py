@@ -21,7 +21,7 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
             f"{evaders} evaders and {vehicles} vehicles: a flight needs a vehicle for each evader"
         )
     chased = opening_of(scenario).evader_of.tolist()
-    # One of the vehicles that share an evader goes to each evader that nobody chases.
+    # One of the vehicles that share an evader goes to each evader that no vehicle chases.
     unchased = {*range(evaders)} - {*chased}
     for evader in sorted(unchased):
         spare_vehicle = next(

@@ -39,7 +39,7 @@ from guidance.sim.team_policies import own_rule
 from guidance.strategies.own import as_one_text, is_own, policy_schema
 
 PURSUER_PLAYS = (*PURSUER_POLICIES, CAPTURES, *TEAM_RULES)
-"""What pursuers of a team may play by name: policies against matched evaders, the play for captures, and rules."""
+"""Plays of a team's pursuers by name: policies against matched evaders, the play for captures, and rules."""
 
 _TeamPursuerPolicy = Annotated[str, BeforeValidator(as_one_text), policy_schema(PURSUER_PLAYS)]
 _TeamEvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})]

@@ -104,7 +104,7 @@ def evade(
         evader: E, (..., 3), m.
         target: T, (..., 3), m, or None in PE.
         memory: The time since the start, and for a user's policy the pursuer's velocity.
-        last_m_s: For a user's policy: what the evader ran last, (..., 3).
+        last_m_s: For a user's policy: the evader's last velocity, (..., 3).
     """
     if strategy.course is not None:
         return bounded(strategy.course.velocity_m_s(memory.played_s, evader), game.evader_speed_m_s)

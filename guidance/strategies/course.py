@@ -22,7 +22,7 @@ COURSES: Final = ("waypoints", "random_turns", "circle", "recorded")
 """Strategies that follow a course: they depend on the time and not on the other player."""
 
 _BACK_S: Final = 2.0
-"""Time constant with which a player returns to its course."""
+"""Time constant of a player's return to its course."""
 
 _ARC_S: Final = 0.1
 """Time between two corners of a circle."""
@@ -68,7 +68,7 @@ class Course:
         return np.asarray(along_m_s + back_m_s)
 
     def corner_s(self, played_s: ArrayLike) -> FloatArray:
-        """Return the time, (...), at which the velocity changes next; infinite after the last time."""
+        """Return the time of the next change of the velocity, (...); infinite after the last time."""
         t = np.asarray(played_s, dtype=np.float64)[..., None]
         coming_s = np.where(self.times_s > t, self.times_s, np.inf)
         return np.asarray(np.min(coming_s, axis=-1))

@@ -111,7 +111,7 @@ def proportional_navigation(
 def turning(
     game: Game, pursuer: Array, evader: Array, seen_m_s: Array, velocity_m_s: Array, gain: float
 ) -> Array:
-    """Return the rate of turn that the law asks for, (..., 3), rad/s; arguments as of `proportional_navigation`."""
+    """Return the law's rate of turn, (..., 3), rad/s; arguments as of `proportional_navigation`."""
 
     def rate(
         xp: Library, game: Game, P: Space, E: Space, evader_velocity: Space, velocity: Space

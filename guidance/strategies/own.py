@@ -3,7 +3,7 @@
 A policy is a function of observations (n, k) that returns actions (n, a); n is 1 in flight. Its name is where it is:
 `module:function`, or `path/to/file.py:function`. It may take parameters by name, after the observations:
 `file.py:function(lead_rad=0.1)`, in files also `{ name = "file.py:function", lead_rad = 0.1 }`. The code is the user's
-own and runs with the user's rights: nothing here limits what it may do. It is imported when it is first played or when
+own and runs with the user's rights: no check here restricts it. It is imported when it is first played or when
 a command loads it, never when a file that names it is only read, shown or replayed.
 
 Observations of the pursuer, in m and m/s in the game frame (x east, y north, z up):
@@ -110,7 +110,7 @@ def forget() -> None:
 def as_one_text(policy: object) -> object:
     """Return a policy that a file gives as a table, `{ name = "file.py:function", lead_rad = 0.1 }`, as one text.
 
-    A validator of pydantic; whatever is no table is returned as it is.
+    A validator of pydantic; any other value is returned as it is.
 
     Raises:
         ValueError: If the table has no name, or a parameter is no number, text, true or false.
@@ -236,7 +236,7 @@ def require_fit(name: str, observation: FloatArray, shares: int) -> None:
 
 
 def answer_of(name: str, choose: Choose, observation: FloatArray) -> Answer:
-    """Ask a policy of the pursuer in one state, (1, k); never raises what the policy raises.
+    """Ask a policy of the pursuer in one state, (1, k); returns an error of the policy as text.
 
     A number that is not finite is NaN, as in the record, so that a replay fails with the same words.
     """
@@ -347,7 +347,7 @@ def asked_pursuit(
     evader_m_s: FloatArray,
     last_m_s: FloatArray | None,
 ) -> FloatArray:
-    """Return the velocities, (n, 3), m/s, that a user's policy asks for; NaN where it has no answer."""
+    """Return the velocities of a user's policy, (n, 3), m/s; NaN where it has no answer."""
     last = np.zeros_like(pursuer_m) if last_m_s is None else last_m_s
     observation = observe_pursuit(game, pursuer_m, evader_m, evader_m_s, last, target_m)
     try:
@@ -368,7 +368,7 @@ def asked_evasion(
     pursuer_m_s: FloatArray | None,
     last_m_s: FloatArray | None,
 ) -> FloatArray:
-    """Return the velocities, (..., 3), m/s, that a user's policy asks for; NaN where it has no answer."""
+    """Return the velocities of a user's policy, (..., 3), m/s; NaN where it has no answer."""
     if evader_m.ndim == 1:  # one state, in flight
         velocity_m_s = None if pursuer_m_s is None else pursuer_m_s[None]
         last = None if last_m_s is None else last_m_s[None]

@@ -31,7 +31,7 @@ TEAM_SILENT_S: Final = 1.0
 """A mate or a coordinator that was not heard for so long is not there."""
 
 MOST_TERMS: Final = 1000
-"""A message may be so many elections ahead of what was heard; there is at most one a second."""
+"""A message's term may exceed the last known one by this; there is at most one election a second."""
 
 NOTE_EVERY_S: Final = 10.0
 """Least time between two notes about refused messages in one mate's name."""
@@ -40,7 +40,7 @@ DISPUTED_AGE_S: Final = 5.0
 """Largest age of a mate for whom two senders speak: a flight counts it as silent, and does not forget it."""
 
 _MOVED_S: Final = 0.5
-"""A flight does not let a silent mate's disc grow before this time, in which it moves it by its velocity."""
+"""For this time a flight moves a silent mate's disc by the mate's velocity; then the disc grows."""
 
 _ORDINARY: Final = frozenset({"order", "evader"})
 
@@ -49,7 +49,7 @@ _SWERVE_M_S2: Final = 5.0
 """Largest error of a position, and largest acceleration, that count as motion."""
 
 BoardNews = MateState | EvaderReport | None
-"""What a message tells the flight."""
+"""News of a message for the flight."""
 
 
 @dataclass(slots=True)
@@ -130,7 +130,7 @@ class Board:
         except RefusedMessage as refused:
             self.counts[f"refused_{refused}"] += 1
             self._note_refused(arrived_s, key, str(refused))
-            # What is sure about a mate for whom two senders speak: its age grows to `DISPUTED_AGE_S`, and
+            # For a mate with two senders only this is sure: its age grows to `DISPUTED_AGE_S`, and
             # then its doubt grows as fast as it may fly.
             kind, _, name = key.partition("/")
             mate = self.mates.get(name)
@@ -150,7 +150,7 @@ class Board:
         return news
 
     def _note_refused(self, now_s: float, key: str, reason: str) -> None:
-        """Tell people that something sends in a mate's name; what is late or repeated is ordinary."""
+        """Tell people about refused messages in a mate's name; late and repeated ones are ordinary."""
         name = key.rpartition("/")[2]
         mate = self.mates.get(name)
         if mate is None or reason in _ORDINARY:

@@ -4,7 +4,7 @@ The coordinator is elected without votes. When no assignment has been heard for 
 takes the next term. Of two coordinators the later term wins, then the lower name. A coordinator stays until it is
 silent, so a vehicle that comes back changes nothing.
 
-The assignment is `match_teams` with this vehicle's game, in which every vehicle has its own speeds. A promise is
+The assignment is `match_teams` with this vehicle's game and every vehicle's own speeds. A promise is
 changed only with a cause, which the assignment names. It carries all promises, so the next coordinator keeps them.
 """
 
@@ -54,7 +54,7 @@ class CoordinatorView(NamedTuple):
 
     Attributes:
         vehicles: Place and last state of each vehicle.
-        evaders: What is known of each evader.
+        evaders: Last known state of each evader.
         target_m: Where the evaders' target is now; None in PE.
         game: The game of this vehicle, which is the team's but for the speeds.
     """
@@ -150,11 +150,11 @@ class Coordinator:
         pursuers = [of(state.speed_m_s, state.climb_m_s, state.descent_m_s) for _, state in states]
         evader_speeds_m_s = [evader.speed_m_s for evader in seen_evaders]
         game = between(scene.game, pursuers, evader_speeds_m_s)
-        # Offers bind nobody: who was ready first shall not cross the way of those who follow
+        # Offers do not bind: a vehicle that was ready first shall not cross the way of later ones
         has_begun = any(state.part == "playing" for _, state in states)
         vehicles_m = np.array([position_m for position_m, _ in states])
         evaders_m = np.array([evader.position_m for evader in seen_evaders])
-        # The vehicles that have promised an evader, by their present numbers; −1 for nobody.
+        # The vehicles that have promised an evader, by their present numbers; −1 for none.
         numbers = {name: number for number, name in enumerate(vehicles)}
         promises = {
             promise.evader: promise for promise in self._promised if promise.value is not None
@@ -233,7 +233,7 @@ class Coordinator:
                 promises[name] = promise.model_copy(update={"value": value_left})
         if matching is None:
             return tuple(promises.values())
-        numbered = [*vehicles, None]  # -1 is nobody
+        numbered = [*vehicles, None]  # -1 gives None
         for number, evader in enumerate(evaders):
             first = numbered[int(matching.first[number])]
             second = numbered[int(matching.second[number])]

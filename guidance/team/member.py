@@ -109,7 +109,7 @@ class Member:
             if report.evader is not None:
                 self._heard_s[report.evader] = now_s
                 self._reports[report.evader] = report
-        # What the vehicle has heard itself lately needs no relay.
+        # Reports that the vehicle itself received lately need no relay.
         unheard = [
             report
             for report in relayed
@@ -303,7 +303,7 @@ class Member:
 
 
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:
-    """What of an assignment is worth a note: not the values, which change all the time until the game begins."""
+    """The parts of an assignment worth a note: not the values, which change all the time until the game begins."""
     promises = [
         (promise.evader, promise.first, promise.second, promise.cause, promise.value is None)
         for promise in roles.promises

@@ -22,7 +22,7 @@ ROLES = "roles"
 
 MOST_BYTES: Final = 8192
 _MOST_QUOTES: Final = 1500
-"""A message of the largest team has fewer; each unknown key, of which an error names every one, has two."""
+"""A message of the largest team has fewer. An error names every unknown key, and each has two."""
 
 _MOST_CLOCK_S: Final = 1e10
 _MOST: Final = 32
@@ -142,7 +142,7 @@ class Promise(BaseModel):
 
     @property
     def standing(self) -> str:
-        """How it stands: kept, at risk (nobody guarantees it now, or it was lowered), or lost."""
+        """Its standing: kept, at risk (no vehicle guarantees it now, or it was lowered), or lost."""
         if self.value is None:
             return "lost"
         return "at risk" if self.first is None or self.cause else "kept"

@@ -4,8 +4,8 @@ A message of another epoch, or one whose number does not continue the stream, is
 which takes over once the stream has been silent and the rival is steady itself: the vehicle has restarted, or the first
 message was forged.
 
-Two senders under one key show when both streams go on, or when one number has two contents. Nobody can tell which of
-them is the vehicle, so nothing under the key is used until only one has been heard for a while.
+Two senders under one key show when both streams continue, or when one number has two contents. Either of them may be
+the vehicle, so no message under the key is used until only one has been heard for a while.
 """
 
 from collections import OrderedDict, deque
@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 from typing import Final
 
 TAKES_OVER_S: Final = 1.0
-"""Silence of a stream after which another one may take its place."""
+"""Another stream may take the place of one that is silent for so long."""
 
 STEADY: Final = 3
 """So many messages one after another make a stream steady."""
 
 _GAP_S: Final = 0.6
-"""Longest time between two of them. What is sent twice per second passes; single late messages are no stream."""
+"""Longest time between two of them. Messages sent twice per second pass; single late messages are no stream."""
 
 MOST_EPOCHS: Final = 16
 """Ended epochs that are remembered, and refused."""
@@ -92,7 +92,7 @@ class Sender:
             now_s: When it arrived.
             epoch: Of its sender.
             number: In that epoch.
-            content: Hash of its bytes, by which a repetition is known.
+            content: Hash of its bytes, which detects a repetition.
         """
         reason = self._judge(now_s, epoch, number, content)
         # Both speak if the stream went on after a steady rival had begun, and both were heard just now.
