@@ -1,7 +1,7 @@
 """Checks before a flight: of this computer, `guidance doctor`, and of the autopilot, `guidance check`.
 
-On the computer nothing is changed: ports are bound and released, real-time scheduling is tried and given back. Of the
-autopilot preflight alone is run, and the parameters that it requires are set, on the ground only.
+`doctor` leaves the computer unchanged: it binds and releases ports, and tries real-time scheduling and gives it back.
+`check` runs only preflight, and can set the parameters that preflight requires, on the ground only.
 """
 
 import contextlib
@@ -66,10 +66,10 @@ class Checkup:
 
     Args:
         name: Of the vehicle in `world`.
-        plan: What it is judged by.
+        plan: Its flight plan; preflight judges the vehicle against it.
         world: Its links, open.
         clock: The clock.
-        evader_simulated: Whether the flight itself will simulate the evader, so that nobody hears it yet.
+        evader_simulated: Whether the flight itself will simulate the evader, so no reports arrive yet.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Checkup:
             if missing:
                 complete_s = clock.now_s()
                 continue
-            # Who is there instead of a silent evader is known only after some HEARTBEATs.
+            # It takes some HEARTBEATs to identify the systems that are there instead of a silent evader.
             is_heard = self._facts().evader is not None
             evader_s = 1.0 if self._evader_simulated or is_heard else 3.0
             if clock.now_s() - complete_s > COUNTED_S + evader_s:
@@ -156,8 +156,8 @@ class Checkup:
             Its name, the value read back (None without an answer), and whether that is the requested one.
 
         Raises:
-            FlightError: If the vehicle is armed, in the air, or does not say that it is neither; what was set by then
-                stays set.
+            FlightError: If the vehicle is armed, in the air, or does not say that it is neither; parameters set
+                before that stay set.
         """
         for change in wanted:
             vehicle = self._daemon.flight.vehicle
@@ -339,7 +339,7 @@ def _scheduling() -> Finding:
 
 
 def _urls(config: Config | None) -> Iterator[Finding]:
-    """Try the ports on which the vehicle or the evader call."""
+    """Try the listening ports for the vehicle and the evader."""
     urls: Sequence[tuple[str, str | None]] = _USUAL_URLS
     if config is not None:
         urls = (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))

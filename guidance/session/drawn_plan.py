@@ -67,7 +67,7 @@ def _polygon_of_plan(fence: Mapping[str, Any]) -> Any:  # noqa: ANN401 - whateve
             f"{len(circles)} circles"
         )
         if circles:
-            # A radius tells which circle is meant: one of 0 m is invisible in the Plan view.
+            # The radii identify the circles: one of 0 m is invisible in the Plan view.
             shapes = [
                 circle.get("circle") if isinstance(circle, dict) else None for circle in circles
             ]

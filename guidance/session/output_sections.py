@@ -64,7 +64,7 @@ class RosSection(Section):
         return BY_TLS.fullmatch(self.endpoint) is not None
 
     def faults_beside(self, zenoh: ZenohSection) -> Iterator[str]:
-        """Yield what is wrong with it beside a file's `[zenoh]`."""
+        """Yield its faults in combination with a file's `[zenoh]`."""
         key = f"ros.endpoint = {self.endpoint!r}"
         if self.by_tls and zenoh.tls_ca_file is None:
             yield f"{key}: needs zenoh.tls_ca_file, which signed the router's certificate"

@@ -125,7 +125,7 @@ def settings_of(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Terms:
-    """What a flight takes from its files, whichever they are.
+    """Settings of a flight, the same for files of any kind.
 
     Attributes:
         source: Section of the pursuer's speeds.

@@ -75,7 +75,7 @@ def fly_recorded(
                 record = equipment[daemon.name].record
                 detail = closing_detail(flight_result, how.way, record, folder)
                 daemon.recording.over(clock.now_s(), detail)
-    # Closed records know what they lack.
+    # A closed record knows its dropped entries and its failure.
     for name, flight_result in result.vehicles.items():
         record = equipment[name].record
         if record is None:

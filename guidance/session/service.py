@@ -76,7 +76,7 @@ def run_vehicle(path: Path, config: Config) -> bool:
         daemons = list[Daemon]()
         stack.callback(
             _say_ended, equipment, daemons
-        )  # the last line: what is opened later has closed before
+        )  # the last line: everything opened later closes first
         equipment.record_required = config.record.required
         equipment.record = stack.enter_context(daemon_recording(config, metadata, equipment))
         order = OutputOrder(

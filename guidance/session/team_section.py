@@ -32,7 +32,7 @@ class Team(TeamSection):
     )
 
     def faults_beside(self, name: str, game: GameSection) -> Iterator[str]:
-        """Yield what is wrong with it beside a file's name and `[game]`."""
+        """Yield its faults in combination with a file's name and `[game]`."""
         if len({name, *self.mates}) <= len(self.mates):
             yield f"team.mates = {list(self.mates)}: must be other names than {name!r}, each once"
         if self.evader in self.evaders:

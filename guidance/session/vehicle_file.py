@@ -1,4 +1,4 @@
-"""The vehicle file: the sections of all features, each described beside what it sets, and what holds between them."""
+"""The vehicle file: the sections of all features, each defined beside its feature, and the rules between them."""
 
 from collections.abc import Iterator, Mapping
 from functools import cache

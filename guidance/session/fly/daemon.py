@@ -232,7 +232,7 @@ class Daemon:
             "other_heartbeats": self.flight.observed.other_beats,
         }
         words = self._refused_frames.note(now_s, vehicle_counters)
-        if words:  # somebody else sends in the vehicle's name
+        if words:  # another program sends in the vehicle's name
             self.recording.say(logging.WARNING, words)
             self.recording.event(now_s, LINK_NEWS, words)
         counters = {

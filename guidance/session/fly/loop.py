@@ -156,7 +156,7 @@ class GcScheduler:
     """Collects garbage between cycles, when there is time for it, and not at the interpreter's own moments."""
 
     def __init__(self, now_s: float, *, collect: bool = True) -> None:
-        """Collect now, if wanted, and only here from now on. Existing objects are not scanned again before `end`."""
+        """Collect now if `collect`. Until `end`, automatic collection is off and existing objects are not scanned."""
         if collect:
             gc.collect()
         gc.freeze()
@@ -288,6 +288,6 @@ def nudge_s(age_s: float) -> float:
 
 
 def next_due(due_s: float, done_s: float) -> tuple[float, int]:
-    """Return the start of the next cycle, and how many were missed. Missed cycles are not made up for."""
+    """Return the start of the next cycle, and how many were missed. Missed cycles are skipped."""
     missed = max(0, int((done_s - due_s) // PERIOD_S))
     return due_s + (missed + 1) * PERIOD_S, missed

@@ -49,7 +49,7 @@ _WARNING: Final = 4
 """MAV_SEVERITY; lower numbers are more severe."""
 
 MISSION_LIMIT_S: Final = 900.0
-"""Longest mocked flight, not counting time in which an operator's order stands."""
+"""Longest mocked flight, not counting the time under an operator's order."""
 
 
 class Progress(NamedTuple):
@@ -66,8 +66,8 @@ class Progress(NamedTuple):
         why: The cause of this state.
         next: The orders that continue, if the flight waits for a person.
         vehicle: Its name; empty before it is known.
-        evader: In a team, the evader that it plays against.
-        promise: In a team, what is promised about that evader, and how that stands.
+        evader: In a team, its evader.
+        promise: In a team, the promise about that evader, and its status.
     """
 
     now_s: float
@@ -259,8 +259,8 @@ _WAITS_FOR: Final[Mapping[State, frozenset[State]]] = {
 class VehicleMission:
     """One vehicle's part of a mission, with its daemon.
 
-    It starts when everything is ready, engages when both stand by, and ends after the game or its time limit. While an
-    operator's order stands it orders nothing and does not end.
+    It starts when everything is ready, engages when both stand by, and ends after the game or its time limit. Under
+    an operator's order it orders nothing and does not end.
 
     Attributes:
         engaged_s: When the game began; anew if an operator engages again after a hold. None before.
@@ -346,7 +346,7 @@ class VehicleMission:
         if self.engaged_s is not None and state in PLAYING:
             time_is_up = now_s - self.engaged_s > self.pursuit.scenario.time_limit_s
         else:
-            # How long the mission stays in a state.
+            # Longest time in the state.
             if state is State.ON_STATION:
                 stay_s = self.pursuit.scenario.hold_s
             elif state is State.STANDING_BY and back:
@@ -367,8 +367,8 @@ class VehicleMission:
         """Follow a cycle.
 
         Raises:
-            FlightError: If preflight refuses, the vehicle does not get ready, it is armed already, or the start
-                is outside of its fence; on the ground, all of them.
+            FlightError: On the ground, if preflight refuses, the vehicle does not get ready, it is armed already,
+                or the start is outside of its fence.
         """
         outputs = self.daemon.outputs
         result = self.result

@@ -183,7 +183,7 @@ class OrderDesk:
             self._recording.event(now_s, ORDERED, f"{order} by {question.by}: {verdict}")
 
     def leave(self, order: Event, now_s: float, authority: Authority) -> bool:
-        """Order the end of the daemon; return True if an operator has asked for it already.
+        """Order the end of the daemon; return True if an operator ordered it before.
 
         Args:
             order: How the vehicle is handed over.
@@ -206,5 +206,5 @@ class OrderDesk:
             self._reply(question, now_s, reason)
 
     def finished(self, now_s: float) -> bool:
-        """Return whether the daemon was asked to end, and the vehicle is handed over."""
+        """Return whether an end was ordered, and the vehicle is handed over."""
         return self._leaving is not None and self._leaving.finished(self._flight, now_s)

@@ -19,11 +19,11 @@ class PreflightSurvey:
     """Judges one vehicle before it flies.
 
     Args:
-        link: The vehicle's, which is asked for parameters and fence.
-        recording: Its outputs are judged too, and hear what is missing.
+        link: The vehicle's; it reads parameters and fence.
+        recording: Its outputs are judged too, and log why the vehicle is not ready.
 
     Attributes:
-        memory: What was read.
+        memory: Parameters and fence as read.
         wants: The accepted values; None judges nothing.
         judges: Whether preflight judges the vehicle before it flies.
         rows: The findings, as last judged.
@@ -93,7 +93,7 @@ class PreflightSurvey:
             for problem in source_problems
             if problem
         ]
-        # What the vehicle's link knows against a flight.
+        # Problems of the vehicle's link.
         link_rows = []
         problem = self._link.problem() if isinstance(self._link, TellsProblem) else ""
         if problem:

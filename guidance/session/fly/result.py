@@ -200,7 +200,7 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     ]
     end, end_s, reason = _ending(result, since_engagement)
     game = [sample for sample in result.samples if began.now_s <= sample.now_s <= end_s]
-    # Where the evader was too fast, the game has no value.
+    # If the evader was too fast, the game has no value.
     value = math.nan
     winner = "none"
     if result.engaged is not None:

@@ -2,7 +2,7 @@
 
 Arming in the mode on the ground is the order start. Choosing it in the air is the orders start, if guidance has not
 taken the vehicle over yet, and engage. An order that is refused then is followed by hold, so that the vehicle does not
-stay in a mode that nobody flies. Leaving the mode is a pilot's mode change, which the flight never fights.
+stay in a mode that no program flies. Leaving the mode is a pilot's mode change, which the flight never fights.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from guidance.session.orders.mailbox import Mailbox, Question
 from guidance.session.orders.words import STATUS
 
 PILOT: Final = "the pilot's switch"
-"""Who gives the orders."""
+"""Sender of the orders."""
 
 REASONS_EVERY_S: Final = 0.5
 """Period of asking which row of preflight refuses."""

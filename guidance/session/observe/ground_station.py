@@ -1,4 +1,4 @@
-"""What ground stations on the vehicle's link see of a flight, and the orders that some of them may give.
+"""Messages about a flight to ground stations on the vehicle's link, and orders from those that may give them.
 
 The service is an onboard computer there: it sends a HEARTBEAT once a second and a STATUSTEXT at each change of the
 state and at each alarm. `vehicle.announce` shows the evader on their maps. Custom actions of QGroundControl are orders.
@@ -53,7 +53,7 @@ EVADER_EVERY_S: Final = 0.5
 TEXT_EVERY_S: Final = 0.2
 SAME_TEXT_EVERY_S: Final = 5.0
 REPEATED_WITHIN_S: Final = 10.0
-"""Time in which a sender repeats a command whose answer was lost."""
+"""A sender that lost the answer repeats its command within this time."""
 
 MOST_TEXTS: Final = 8
 _MOST_ORDERS: Final = 8
@@ -64,7 +64,7 @@ _WORDS: Final[Mapping[State, str]] = {
     State.LANDING: "lands",
     State.FAILED: "failed",
 }
-"""What a ground station's operator calls a state; every other state has its own word."""
+"""Words for states on ground stations; every other state has its own word."""
 
 _LOUD: Final = frozenset({State.ENGAGED, State.ON_STATION, State.HOLDING, State.YIELDED})
 """States that an operator should notice, whatever led there."""
@@ -106,7 +106,7 @@ class GroundStationOutput(Sink):
         self._in_force = None
 
     def report(self, report: Report) -> None:
-        """Say what the cycle changed, and read and answer orders."""
+        """Announce the cycle's changes, and read and answer orders."""
         now_s = report.now_s
         if now_s - self._heartbeat_s >= _HEARTBEAT_EVERY_S:
             self._heartbeat_s = now_s
@@ -116,7 +116,7 @@ class GroundStationOutput(Sink):
         for transition in report.outputs.transitions:
             if transition.after is transition.before:
                 continue
-            # A change of the state by an order, or to an end, ends what was ordered before.
+            # An order that changes the state, a handover or a final state ends the order in force.
             ordered = transition.event in ORDERS_BY_COMMAND.values()
             if ordered or transition.after in HANDING_OVER | FINAL:
                 self._in_force = None
@@ -171,7 +171,7 @@ class GroundStationOutput(Sink):
             self.dropped += 1
 
     def _take(self, now_s: float, command: StationCommand) -> None:
-        """Pass an order on, or answer why not.
+        """Forward an order, or answer why not.
 
         A repeated command is no second order while the first one is in force. After that it ends a flight again, but
         it begins nothing: a person may have ended it since.

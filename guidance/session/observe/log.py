@@ -22,7 +22,7 @@ LOGGER_NAME: Final = "guidance"
 MOST_LINES_WAITING: Final = 1000
 _STOP_LIMIT_S: Final = 2.0
 _STALLED_S: Final = 2.5
-"""Age of the live line from which it is shown as old; it is updated once a second."""
+"""A live line older than this is shown as old; it is updated once a second."""
 
 
 class Log(logging.Handler, Sink):

@@ -25,7 +25,7 @@ from guidance.session.vehicle_file import Config
 
 
 class OutputOrder(NamedTuple):
-    """What an output is opened with.
+    """Arguments for opening an output.
 
     Attributes:
         vehicle: Its name.
@@ -97,7 +97,7 @@ OUTPUTS: Final[Registry[OpenOutput]] = Registry(
         "flight mode": _open_flight_mode,
     },
 )
-"""How outputs open, by name. Add one with `OUTPUTS.add`."""
+"""Functions that open outputs, by name. Add one with `OUTPUTS.add`."""
 
 
 def open_outputs(order: OutputOrder, stack: ExitStack) -> list[Sink]:

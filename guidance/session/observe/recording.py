@@ -45,7 +45,7 @@ def stopped_words(now_s: float, reason: str) -> str:
 
 
 class Recording:
-    """Everything that is told of a vehicle's flight: its record, and any number of other outputs.
+    """The outputs of a vehicle's flight: its record, and any number of others.
 
     Args:
         vehicle: Its name.
@@ -146,7 +146,7 @@ class Recording:
             try:
                 tell(sink)
             except Exception as error:  # an output of any kind must not end the flight
-                # An output that raised is told nothing more, and the others say so.
+                # Drop an output that raised, and report it to the others.
                 self._sinks.remove(sink)
                 reason = f"{type(error).__name__}: {error}"
                 if sink is self._record:

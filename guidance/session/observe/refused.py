@@ -1,7 +1,7 @@
-"""What a vehicle's link and the evaders' sources refused, in words for the operator.
+"""Frames and reports that a vehicle's link and the evaders' sources refused, in words for the operator.
 
-A link counts and drops frames in the vehicle's name that are not the vehicle's, so they change nothing. That somebody
-sends them is news: another program has the vehicle's system id, or an attacker tries to speak as the vehicle.
+A link counts and drops frames in the vehicle's name that are not the vehicle's, so they change nothing. They are
+reported, because another program has the vehicle's system id, or an attacker tries to speak as the vehicle.
 
 A source counts the reports that it refuses by reason. A reason whose count grows explains why an evader that sends is
 not heard: a ROS pose in another frame, say.
@@ -20,7 +20,7 @@ _REASONS: Final[Mapping[str, str]] = {
     "unsigned": "without a signature",
     "refused": "with a wrong signature or an old one",
 }
-"""The link's counters of such frames, and what is wrong with them."""
+"""The link's counters of such frames, and the fault of the frames."""
 
 REFUSED: Final = "refused_"
 """The counters of refused reports begin with this; their reason follows."""
@@ -37,7 +37,7 @@ class RefusedFrames:
         self._logged_s = -math.inf
 
     def note(self, now_s: float, counters: Mapping[str, int]) -> str:
-        """Return what was refused since the last note; empty if nothing was, or if that note is recent."""
+        """Return the refusals since the last note; empty without any, or if that note is recent."""
         counted = {name: counters.get(name, 0) for name in _REASONS}
         grown = {name: count - self._logged.get(name, 0) for name, count in counted.items()}
         kinds = [f"{grown[name]} {words}" for name, words in _REASONS.items() if grown[name] > 0]

@@ -1,8 +1,8 @@
 """The flight as a node of ROS 2: topics of one vehicle, and services for orders where the vehicle file allows them.
 
-The loop only appends to a bounded queue. A separate thread connects to the router, follows the flight, and makes and
-publishes the messages for which there are subscribers. It waits for nobody: what does not fit is dropped and counted, a
-router that is gone is joined again, and a message that cannot be sent at once is lost.
+The loop only appends to a bounded queue; entries that do not fit are dropped and counted. A separate thread connects to
+the router, follows the flight, and makes and publishes the messages that have subscribers. It reconnects to a lost
+router. A message that cannot be sent at once is lost.
 """
 
 import logging
@@ -53,7 +53,7 @@ MOST_TOPICS_WAITING: Final = 256
 
 _EVERY_S: Final = MOTION_EVERY_S
 _LOOK_ROUNDS: Final = 6
-"""Rounds of the thread from one look at which topics have subscribers to the next."""
+"""Rounds of the thread between two checks for subscribers."""
 
 RETRY_S: Final = 2.0
 _ROUTER_S: Final = 1.0
@@ -76,7 +76,7 @@ class RosOutput(Sink):
 
     Attributes:
         publishers: Of the topics that are offered.
-        wanted: Topics that somebody subscribes to.
+        wanted: Topics with subscribers.
     """
 
     def __init__(
@@ -175,7 +175,7 @@ class RosOutput(Sink):
             close_all(session.close)
 
     def _publish(self) -> None:
-        """Make and send the messages of all entries that wait, as far as somebody subscribes."""
+        """Make and send the messages of all waiting entries, on topics with subscribers."""
         while self._waiting:
             entry = self._waiting.popleft()
             try:

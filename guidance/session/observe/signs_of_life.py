@@ -11,7 +11,7 @@ from guidance.log.sink import FlightIdentity, Report, Sink
 from guidance.session.orders.answers import shown_state
 
 ENDING: Final = "ending"
-"""What a daemon says when it begins to end."""
+"""Message of a daemon that begins to end."""
 
 _WATCHDOG_SHARE: Final = 3.0
 """Signs of life per watchdog time."""

@@ -1,1 +1,1 @@
-"""What a flight needs, opened: a mock, the vehicle of a file, or vehicles at URLs. Each returns the same `Opened`."""
+"""Opens a flight: with a mock, the vehicle of a file, or vehicles at URLs. Each way returns the same `Opened`."""

@@ -32,7 +32,7 @@ from guidance.session.orders.mailbox import Mailbox, startup_answers
 from guidance.session.vehicle_file import Config
 
 _REST_S = 0.1
-"""How late what comes beside a link may be stamped: parameters, texts and home are no telemetry."""
+"""Messages beside a link may be stamped so late: parameters, texts and home are no telemetry."""
 
 
 def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Session]:
@@ -63,9 +63,9 @@ def open_all(
     Args:
         config: Of vehicle and evader.
         clock: Arrival times are its.
-        world: Closes what was opened.
-        tapped: Whether raw frames are passed on.
-        wires: What is open already, by the names of vehicle and evaders; it is closed with the world.
+        world: Closes everything opened here.
+        tapped: Whether the record gets the raw frames.
+        wires: Wires open already, by the names of vehicle and evaders; the world closes them.
 
     Raises:
         ConfigError: If a URL or the signing key is wrong.
@@ -241,8 +241,8 @@ def open_vehicle(
     Args:
         config: The vehicle file.
         clock: The process's.
-        stack: Closes all of it.
-        tapped: Whether raw frames are passed on.
+        stack: Closes everything opened here.
+        tapped: Whether the record gets the raw frames.
 
     Returns:
         Its world, the Zenoh session of its orders, and a daemon's equipment with mailbox, log and notifier.

@@ -22,7 +22,7 @@ from guidance.sim import live, mock_files, stepped
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MockOptions:
-    """How the mock flies.
+    """Options of the mock.
 
     Attributes:
         fast: In virtual time; else in real time, with the mock as a live process.

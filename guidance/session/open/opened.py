@@ -1,4 +1,4 @@
-"""What every way of opening a flight returns, and who watches the flight."""
+"""The open flight that every way of opening returns, and its onlookers."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -21,7 +21,7 @@ from guidance.sim.teams import TeamScenario
 
 
 class Onlooker(NamedTuple):
-    """Who watches a flight and gives it orders.
+    """Callbacks and endpoints for watching a flight and giving it orders.
 
     Attributes:
         show: Called ten times a second and at every event.

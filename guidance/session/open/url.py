@@ -85,7 +85,7 @@ class Asked:
         buses = stack.enter_context(
             control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
         )
-        # Orders are answered meanwhile with what is awaited.
+        # Until then, the answer to an order names the awaited message.
         for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
             awaited = "VehicleStatus of PX4" if is_px4(url) else "a HEARTBEAT"
             waiting = f"{awaited} at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
@@ -118,7 +118,7 @@ class Asked:
         Args:
             scenario: Who pursues whom, and the separation of a team.
             clock: Of the process.
-            world: Closes what was opened.
+            world: Closes everything opened here.
 
         Returns:
             The vehicles' configurations by name, and the evaders' ends of the wires by name.
@@ -130,7 +130,7 @@ class Asked:
         pursuits = pursuits_and_team(scenario)[0]
         separation: dict[str, float] | None = None
         if not isinstance(scenario, Scenario):
-            # How far the vehicles of a team stay from each other.
+            # Separation of the vehicles of a team.
             separation = scenario.flight.model_dump(include=set(TeamSection.model_fields))
         speeds_m_s = declared_m_s(pursuits)
         configs = dict[str, Config]()

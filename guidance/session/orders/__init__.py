@@ -1,1 +1,1 @@
-"""Orders of people and missions: where they arrive, how they wait, and what is answered."""
+"""Orders of people and missions: their arrival, their queues and their answers."""

@@ -35,7 +35,7 @@ _ENDED: Final[Mapping[State, str]] = {
     State.YIELDED: "guidance has yielded and is silent ({})",
     State.FAILED: "the flight could not be flown ({})",
 }
-"""How each final state is described, with its cause."""
+"""Description of each final state, with its cause."""
 
 _GOES_ON: Final[Mapping[State, tuple[str, str]]] = {
     State.HOLDING: ("held", "engage, return or land"),
@@ -132,7 +132,7 @@ def _failed(flight: Flight, now_s: float) -> list[Finding]:
 
 
 def failed_checks(flight: Flight, now_s: float) -> str:
-    """Name every failed check, and what it found."""
+    """Name every failed check, with its value."""
     return ", ".join(f"{check.name} ({check.value})" for check in _failed(flight, now_s))
 
 

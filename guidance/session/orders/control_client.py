@@ -30,7 +30,7 @@ TEAM_PARAMETER: Final = "team"
 """Parameter of a query: only vehicles of this team follow it."""
 
 _MAX_VEHICLES: Final = 64
-"""Most vehicles of a team that an order waits for."""
+"""Most vehicles in the answer of a team."""
 
 _ALL_OR_NONE: Final = frozenset({"start", "engage"})
 """Orders that a team gets only if every vehicle of it would accept."""
@@ -164,7 +164,7 @@ def _team_answers(
     targets: Collection[str] = names
     if not names:
         targets = ("*",)
-    # All are asked before any answer is awaited: one that is silent delays no order to another.
+    # All orders are sent before the first answer is awaited, so a silent vehicle delays no order to another.
     awaited = [replies(session, name, order, timeout_s, by, team) for name in targets]
     # The end is known to Zenoh, not from the vehicles' lists of mates: a list that is too short would hide a refusal.
     for answer in itertools.chain.from_iterable(awaited):
@@ -173,7 +173,7 @@ def _team_answers(
         raise LinkError(f"--team {team}: no vehicle of it answers; is `guidance run` running?")
     expected = set(names)
     if not names:
-        # Each vehicle names the team: one that leaves names out hides nobody that another one names.
+        # Each vehicle lists the team: an incomplete list hides no vehicle that another one lists.
         for answer in answers.values():
             listed = filter(is_vehicle_name, answer.get("vehicles", ()))
             expected |= {answer["name"], *listed}

@@ -101,7 +101,7 @@ class ControlSocket:
             with contextlib.suppress(PermissionError):
                 os.chown(self._path, -1, rights.st_gid)
             readable = stat.S_IMODE(rights.st_mode) & 0o444
-            # Who may read the token may write to the socket
+            # Readers of the token may write to the socket
             self._path.chmod(readable | readable >> 1)
             self._listener.listen(MOST_AT_ONCE)
         except OSError as error:

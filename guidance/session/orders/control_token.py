@@ -114,7 +114,7 @@ def _is_private(path: Path) -> bool:
 
 
 def _check_folder(folder: Path, owners: Collection[int]) -> None:
-    """Refuse a folder in which another user could put or replace a token file; a sticky bit does not help."""
+    """Refuse a folder if another user could put or replace a token file in it; a sticky bit does not help."""
     status = folder.stat()
     if status.st_uid not in owners or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         raise ConfigError(

@@ -1,9 +1,9 @@
 """Orders and questions on their way to the loop, and answers on their way back.
 
-Two orders are not given at once. An engage order waits until the parameters that act when setpoints stop and the
-uploaded fence were read again: preflight read them on the ground, and any ground station may have changed them since. A
-pilot's switch to the guided mode waits for the same. What is not answered in time is a refusal. The last order is that
-of a process that ends: it hands the vehicle to the autopilot and waits until HEARTBEAT shows the mode.
+Two orders take time. An engage order waits until the parameters that act when setpoints stop and the uploaded fence
+were read again: preflight read them on the ground, and any ground station may have changed them since. A pilot's switch
+to the guided mode waits for the same. Without answers in time it is refused. The other is the last order of a process
+that ends: it hands the vehicle to the autopilot and waits until HEARTBEAT shows the mode.
 """
 
 import math
@@ -37,7 +37,7 @@ READ_WITHIN_S: Final = 1.5
 """Time for reading parameters again: a link asks three times, and the person still waits for the answer."""
 
 FENCE_WITHIN_S: Final = 10.0
-"""Time in which an order that was refused because the fence was still being read can be repeated."""
+"""An order refused because the fence was still being read can be repeated within this time."""
 
 
 class Question(Future[Reply]):
@@ -180,7 +180,7 @@ class Engaging:
 
     Attributes:
         asked_s: Since when parameters are being read; None if they are not.
-        rows: What was found when they were read last.
+        rows: Findings of the last reading.
     """
 
     def __init__(self, flight: Flight, survey: PreflightMemory, wants: Wants | None) -> None:
@@ -253,7 +253,7 @@ class Engaging:
         announces = self._wants is not None and self._wants.announces
         version = self._survey.version
         self._survey.read_again(parameter_names(version, announces=announces, only_needed=True))
-        # A fence too large to be read within the last order's time is read on, and serves the next order.
+        # If a fence is too large for the last order's time, reading continues and serves the next order.
         if now_s - self._fence_since_s > FENCE_WITHIN_S:
             self._fence_since_s = now_s
             self._survey.read_fence_again()

@@ -150,12 +150,12 @@ _TOGETHER: Final = (
 
 
 def read_reply(data: bytes, name: str, order: str) -> Reply:
-    """Read a daemon's reply to an order or a query; a bad one becomes a refusal that says what is wrong.
+    """Read a daemon's reply to an order or a query; a bad one becomes a refusal with the reason.
 
     Args:
         data: The reply, from a wire.
         name: The vehicle's, from the key of the reply.
-        order: What was asked.
+        order: The order or query.
 
     Returns:
         At least `name`, `order` and `accepted`. Texts have no control characters.
@@ -181,7 +181,7 @@ def written(answer: object) -> bytes:
 
 
 def bad_reply(name: str, order: str, reason: str) -> Reply:
-    """Return the refusal that stands for a reply that cannot be used."""
+    """Return a refusal in place of an unusable reply."""
     words = (
         f"its daemon's reply cannot be used ({reason}); check its version, or take over by radio"
     )
@@ -194,7 +194,7 @@ def refused(name: str, order: str, state: str, reason: str) -> Reply:
 
 
 def is_bad(answer: Reply) -> bool:
-    """True if the answer stands for a reply that cannot be used."""
+    """True if the answer replaces an unusable reply."""
     return bool(answer.get("state") == BAD_REPLY)
 
 
@@ -204,7 +204,7 @@ def is_vehicle_name(name: str) -> bool:
 
 
 class _UnusableError(ValueError):
-    """What is wrong with a reply that is JSON."""
+    """Fault of a reply that is JSON."""
 
 
 def _without_nan(value: Any) -> Any:  # noqa: ANN401 - JSON

@@ -71,7 +71,7 @@ def ask_team_here(
         by: Name of the person or program, for log and record.
 
     Returns:
-        An answer for each vehicle; None if no daemon listens at such a socket, or none that passes orders on.
+        An answer for each vehicle; None if no daemon listens at such a socket, or if it forwards no orders.
 
     Raises:
         ConfigError: If there is no such order, or we may not read the token.

@@ -1,6 +1,6 @@
-"""What orders by the socket and by the bus share: their words, the default endpoint, time limits and senders' names.
+"""Common parts of orders by the socket and by the bus: words, the default endpoint, time limits and senders' names.
 
-Imports nothing heavy: `guidance ctl` is not to wait for it.
+Imports nothing heavy, so that `guidance ctl` starts quickly.
 """
 
 import contextlib
