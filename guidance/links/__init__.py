@@ -43,7 +43,7 @@ _MODULES: Final = {
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - each name has its own type
-    """Import a name when it is used: an order by a router needs a Zenoh session, and nothing of MAVLink."""
+    """Import a name when it is used: an order by a router needs a Zenoh session, but not MAVLink."""
     if name not in _MODULES:
         raise AttributeError(f"module 'guidance.links' has no attribute {name!r}")
     return getattr(import_module(f"guidance.links.{_MODULES[name]}"), name)

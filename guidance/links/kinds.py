@@ -22,7 +22,7 @@ from guidance.registry import Registry
 
 
 class LinkOrder(NamedTuple):
-    """What a link is opened with.
+    """Arguments for opening a link.
 
     Attributes:
         section: `[vehicle]`, an instance of the kind's own section if it has one.
@@ -47,7 +47,7 @@ class LinkKind:
 
     Attributes:
         name: The value of `vehicle.link`.
-        first: What the vehicle sends first, for people.
+        first: The vehicle's first message, in words for people.
         by_mavlink: Whether `vehicle.url` carries MAVLink, which is then opened as `LinkOrder.wire`. If not, the kind
             opens its URL itself, and MAVLink beside it, if any, is at `vehicle.parameters`.
         signs: Whether it signs MAVLink.

@@ -174,8 +174,8 @@ def find_autopilot(
         timeout_s: How long to wait.
         sleep: Waits between two looks, s.
         who: Names the vehicle in the error.
-        fits: Whether this is the autopilot that is looked for. Cameras, gimbals and radios on the same wire send
-            HEARTBEATs too, so listening goes on after one that does not fit.
+        fits: Whether this is the wanted autopilot. Cameras, gimbals and radios on the same wire send HEARTBEATs too,
+            so listening continues after one that does not fit.
 
     Raises:
         LinkError: If none arrived within `timeout_s`.

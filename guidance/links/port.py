@@ -111,7 +111,7 @@ _FORMS: Final = (
     "zenoh://host:port/namespace, and for PX4's flight modes zenoh+tcp://host:port or zenoh+tls://host:port"
 )
 PX4_SCHEMES: Final = ("zenoh+tcp", "zenoh+tls")
-"""Of the router on which PX4 speaks Zenoh itself; the path is its ZENOH_DOMAIN_ID, 0 without one."""
+"""Schemes of a router for PX4's own Zenoh module; the path is its ZENOH_DOMAIN_ID, 0 without one."""
 
 _HOSTS_AND_PORTS: Final = ("udpin", "udpout", "tcpin", "tcpout", "zenoh", *PX4_SCHEMES)
 _LAST_DOMAIN: Final = 232
@@ -140,7 +140,7 @@ def scheme_of(url: str) -> str:
 
 
 def is_px4(url: str) -> bool:
-    """True if a URL is of a router on which PX4 speaks Zenoh itself."""
+    """True if a URL is of a router for PX4's own Zenoh module."""
     return scheme_of(url) in PX4_SCHEMES
 
 

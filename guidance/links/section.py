@@ -82,7 +82,7 @@ class Vehicle(KindSection):
 
     @property
     def mavlink_url(self) -> str | None:
-        """Where MAVLink is spoken with the vehicle; None if it is not."""
+        """URL of the vehicle's MAVLink; None without MAVLink."""
         return self.url if self.kind.by_mavlink else self.parameters
 
 

@@ -1,1 +1,1 @@
-"""Where an evader's reports come from: the kinds of sources, and those by MAVLink and by Zenoh."""
+"""Sources of an evader's reports: their kinds, and the sources by MAVLink and by Zenoh."""

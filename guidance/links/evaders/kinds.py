@@ -25,7 +25,7 @@ COMMON_KEYS: Final = frozenset({"kind", "url", "timeout_s", "second_source", "sp
 """Keys of `[evader]` that every kind takes; `speed_m_s` belongs to the evaders of a team."""
 
 MAVLINK_KEYS: Final = frozenset({"component_id", "request_rate_hz", "signing_key_file"})
-"""Keys that a kind over MAVLink takes besides its `system_id`."""
+"""Keys that a kind over MAVLink takes in addition to its `system_id`."""
 
 _ONE_SYSTEM: Final = {"system_id": "accepts one MAVLink system only"}
 _A_KEY: Final = {"url": "needs zenoh://host:port/key"}
@@ -36,7 +36,7 @@ _IN_METRES: Final = dict.fromkeys(
 
 
 class SourceOrder(NamedTuple):
-    """What a source is opened with: the keys of `[evader]`, and what was made of them.
+    """Arguments for opening a source: the keys of `[evader]`, and objects made from them.
 
     Attributes:
         kind: The name of the kind.
@@ -46,7 +46,7 @@ class SourceOrder(NamedTuple):
         wire: For a kind over MAVLink: open, and closed with the source. None for other kinds.
         system_id: The only accepted MAVLink system.
         component_id: Its component; None accepts any.
-        request_rate_hz: Rate to ask for; None waits for reports.
+        request_rate_hz: Rate to request; None waits for reports.
         icao_address: The aircraft of ADSB_VEHICLE.
         id_or_mac: The drone of OPEN_DRONE_ID_LOCATION, hexadecimal.
         altitude_datum: The zero of its altitudes; None is the message's own.
@@ -87,7 +87,7 @@ class EvaderKind:
         section: The kind's own keys of `[evader]`, which `SourceOrder.section` has.
         datum: The zero of its altitudes by the message's definition; None if every report names its own, or if it
             reports metres.
-        open: Opens the source. Raises ConfigError for wrong values; what is not reachable yet is retried.
+        open: Opens the source. Raises ConfigError for wrong values; an unreachable source is retried.
     """
 
     name: str

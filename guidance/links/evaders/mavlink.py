@@ -1,4 +1,4 @@
-"""Reports of an evader from the MAVLink messages of one system, which may have to be asked for.
+"""Reports of an evader from the MAVLink messages of one system, on request if needed.
 
 TIMESYNC reads the evader's clock four times a second, so the age of a report is measured. Its answer is
 attached to the next report if the report's own time agrees with it: some messages carry another clock than TIMESYNC.
@@ -33,7 +33,7 @@ _TIMESYNC_EVERY_S: Final = 1.0
 """The evader's clock is only compared with ours, so a growing delay need not be noticed within a second."""
 
 _TOLD_AFTER_S: Final = 1.5
-"""Other systems that are heard for so long, and no report of the evader, are told."""
+"""Other systems are named if they send for so long and the evader never reported."""
 
 _MOST_OTHERS: Final = 8
 
@@ -106,7 +106,7 @@ class MavlinkEvader:
             self._heard_s = received_s
             for frame in self._frames.read(data):
                 if frame.name == "HEARTBEAT":
-                    # An evader that has to be asked reports to nobody: remember who is there instead of it.
+                    # An evader that reports on request may not report yet: remember the systems that are there instead.
                     if frame.system_id == self.system_id:
                         self._others.clear()
                         self._others_since_s = None
@@ -161,7 +161,7 @@ class MavlinkEvader:
         return problem is None
 
     def _note_other(self, frame: Frame, received_s: float) -> None:
-        """Remember who reports instead of the evader."""
+        """Remember a system that sends instead of the evader."""
         if frame.system_id == self.system_id and self.component_id in {None, frame.component_id}:
             return  # wrongly signed
         if self._others_since_s is None:

@@ -21,7 +21,7 @@ _UNUSED: Final = {
     "request_rate_hz": "cannot be asked for a rate",
     "signing_key_file": f"does not use it; {_OWN_URL}",
 }
-"""Why a key is not allowed, where more can be said than that it is not used."""
+"""Reasons why a key is not allowed; other keys are just not used."""
 
 
 class EvaderFrame(Section):

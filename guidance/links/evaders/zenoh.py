@@ -132,7 +132,7 @@ class ZenohEvader:
 class RetriedSource:
     """`EvaderSource` that is opened in the background, again and again until its router answers.
 
-    The evader is silent until then, as one that does not send, and nothing else waits for it.
+    Until then the evader is silent, like one that does not send. No other part of the daemon waits for it.
 
     Args:
         open_once: Opens the source, or raises LinkError within about a second.

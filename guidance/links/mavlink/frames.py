@@ -102,13 +102,13 @@ def _crc_extra(dialect: ModuleType) -> dict[int, bytes]:
 
 
 class CheckedBytes(bytes):
-    """Valid frames, of which a wire has checked every one; `frames` are the same ones by one."""
+    """Valid frames, each checked by a wire; `frames` lists them."""
 
     frames: Sequence[Frame]
 
 
 class _Suspect(NamedTuple):
-    """What looks like the beginning of a frame, and the counts before it."""
+    """A possible beginning of a frame, and the counts before it."""
 
     position: int
     garbage_bytes: int
@@ -119,8 +119,8 @@ class FrameReader:
     """Finds the frames of one sender in pieces of bytes, which may be cut anywhere. Never raises.
 
     A frame that is not complete waits for the next piece, whether pieces are datagrams or parts of a stream: bridges
-    from a serial line to UDP cut datagrams anywhere. What was found among bytes that are no frame may only look like
-    the beginning of one, and delays no whole frame behind it.
+    from a serial line to UDP cut datagrams anywhere. A beginning found among bytes
+    that are no frame may be a false one, so it delays no whole frame behind it.
 
     The length of an unknown message cannot be checked. It is counted in `unknown`, and known frames are searched within
     it. All other bytes that belong to no frame are counted in `garbage_bytes`.
@@ -149,7 +149,7 @@ class FrameReader:
         return used
 
     def split(self, data: bytes) -> list[Frame]:
-        """Return the frames as `read` does, and those that nobody uses."""
+        """Return the frames as `read` does, including the unused ones."""
         unknown_left = self._unknown_left
         begins = self.first(data)
         if begins is not None:
@@ -330,7 +330,7 @@ class SignatureCheck:
     def problem(self, frame: Frame, *, remember: bool = True) -> str | None:
         """Return "unsigned", "refused" (wrong or old), "unsaved" (no bound on disk yet), or None if it is genuine.
 
-        The timestamp of a genuine frame is remembered, and the same frame is old from then on.
+        With `remember`, the timestamp of a genuine frame is kept, so a copy of the frame is old.
         """
         data = frame.data
         if data[0] != MAGIC_V2 or not data[2] & SIGNED:
@@ -369,7 +369,7 @@ class Station:
         self._clock: Clock = (lambda: 0.0) if clock is None else clock
         self._begun_s = self._clock()
         self.check: SignatureCheck | None = None
-        """Of the signatures of others; None without a key."""
+        """Checks the signatures of others; None without a key."""
         if signing_key is not None:
             self.check = SignatureCheck(signing_key)
             self._begun_ticks = self.check.latest

@@ -1,4 +1,4 @@
-"""The service as ground stations see it on the vehicle's link: an onboard computer that says what it does.
+"""The service as ground stations see it on the vehicle's link: an onboard computer that reports its state.
 
 It shares the wire with the vehicle's link. Autopilots forward its messages to their other links, and commands from
 there to it. It has numbers and signatures of its own, because the vehicle's link is another component.

@@ -85,7 +85,7 @@ class MavsdkLink(PymavlinkLink):
         configuration = Configuration.create_manual(*self._own, True)
         self._mavsdk = Mavsdk(configuration)
         configuration.destroy()
-        # In this order: MAVSDK sends a HEARTBEAT as soon as there is a connection, and warns if nobody takes it.
+        # In this order: MAVSDK sends a HEARTBEAT as soon as there is a connection, and warns if there is no subscriber.
         self._mavsdk.subscribe_raw_bytes_to_be_sent(self._pass_on)
         result = self._mavsdk.add_any_connection("raw://")
         if result != ConnectionResult.SUCCESS:

@@ -115,7 +115,7 @@ class PymavlinkLink:
             own_system_id: Ours; None takes the vehicle's, as its companion computer.
             own_component_id: Ours. Messages addressed to other stations are dropped.
             signing_key: Sign our frames and refuse unsigned ones; None does neither.
-            unread: Names of messages that nobody reads from this link; they are counted as unused.
+            unread: Names of messages that are not read from this link; they are counted as unused.
         """
         self._wire = wire
         self._clock = clock

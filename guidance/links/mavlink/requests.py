@@ -38,7 +38,7 @@ _TIMESYNC_EVERY_S: Final = 0.25
 """Often enough to notice a growing delay of the vehicle before a position is a second old."""
 
 RequestKey = tuple[type[Request], int | str | None]
-"""What an answer will name: a command's number or a parameter's name. The fence is read in steps."""
+"""Matches an answer to its request: a command's number or a parameter's name. The fence is read in steps."""
 
 
 def is_repeatable(request: Request) -> bool:

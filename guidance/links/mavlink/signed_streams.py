@@ -4,7 +4,7 @@ A recorded frame has a valid signature. It is refused because it is not newer th
 program that has just started knows that only from this file. The file is ahead: no frame is used before the file has a
 bound that is not below its timestamp. After a crash, every frame that was ever used is therefore refused, and so are
 the vehicle's own ones until their timestamps pass the bound: for `LEAD_S` at most, since they run with time. A program
-that ends in order leaves the last timestamp itself, and nobody waits.
+that ends in order leaves the last timestamp itself, which avoids this delay.
 
 A thread writes the file, so that no cycle waits for a disk. A disk that does not answer ends no flight: then a stream
 is used after `MOST_FRAMES_WAITING` frames, and counted.
@@ -55,7 +55,7 @@ class SignedStreams:
         path: The file; it need not exist.
 
     Attributes:
-        at_start: What the file had when it was opened.
+        at_start: Contents of the file when it was opened.
         unsaved: Number of frames that were used although the disk has no bound for them.
 
     Raises:

@@ -97,7 +97,7 @@ _BESIDE: Final = (
 """Messages from the MAVLink link beside this one; all others come over Zenoh."""
 
 _BESIDE_EVERY_S: Final = 0.1
-"""None of these is needed sooner."""
+"""Period of reading these messages; none is needed sooner."""
 
 _OF_BESIDE: Final = frozenset({"used_unsaved", "impostors", "unsigned", "refused"})
 """Counters of the MAVLink link beside this one that are shown to people."""

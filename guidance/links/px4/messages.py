@@ -2,7 +2,7 @@
 
 PX4's Zenoh module publishes its internal messages as ROS 2 topics, by the conventions of rmw_zenoh. Every message has a
 fixed length, so its CDR is a C structure with the alignment of each number, after four bytes of encapsulation. PX4
-sends padding after it, and drops what is longer than its own structure and those four bytes without a word.
+sends padding after it, and silently drops messages longer than its own structure and those four bytes.
 
 A hash names a type with all its fields. PX4 v1.17 has the hashes below. A message of another version has another hash
 and is refused by name, because its fields may have another meaning.

@@ -4,10 +4,10 @@ The program registers a mode by name. PX4 keeps a number for the name, shows it 
 choose it by switch. About three times a second PX4 asks whether the mode may be armed in and entered; without answers
 it calls the mode unresponsive, refuses it, and leaves it in flight. A mode can have an executor, which is in charge
 from the moment that the mode is chosen until a person chooses another one. PX4 v1.17 takes an executor's commands over
-Zenoh whether it is in charge or not, so whoever gives them must not fight a pilot.
+Zenoh whether it is in charge or not, so their sender must not fight a pilot.
 
-`FlightMode` maps what PX4 says to what is sent back. It has no clock; times are arguments. A lock belongs to whoever
-calls it from several threads.
+`FlightMode` maps PX4's messages to the messages to send back. It has no clock; times are arguments. It has no lock
+either: a caller with several threads needs one.
 
 Source: PX4 v1.17, `src/modules/commander/ModeManagement.cpp` and `HealthAndArmingChecks/checks/externalChecks.cpp`.
 """
@@ -209,7 +209,7 @@ class FlightMode:
             case "arming_check_request":
                 return self._take_request(fields, received_s)
             case "mode_completed" if fields.nav_state == TAKEOFF and self.in_charge:
-                # PX4 leaves what follows a take-off to the executor in charge
+                # After a take-off, PX4 leaves the next mode to the executor in charge
                 if self.status is not None and self.status.nav_state == TAKEOFF:
                     return [self.command(SET_NAV_STATE, HOLD)]
         return []

@@ -1,8 +1,8 @@
 """TCP where the vehicle calls (`tcpin`): the newest caller that sends a valid frame is the vehicle.
 
-A caller that is silent, or that sends no valid frame of an expected system, keeps nobody out. With a signing key the
-frame must be validly signed, and newer than every one before it. Connections whose other end has vanished are ended by
-the kernel's keepalive.
+A caller that is silent, or that sends no valid frame of an expected system, blocks no other caller. With a signing key
+the frame must be validly signed, and newer than every one before it. Connections whose other end has vanished are ended
+by the kernel's keepalive.
 """
 
 import os
@@ -35,7 +35,7 @@ _KEEPALIVE: Final = (
 
 
 class _Caller:
-    """A connection: its socket, its frames, and what it has sent until a frame was valid."""
+    """A connection: its socket, its frames, and its bytes until the first valid frame."""
 
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
@@ -50,7 +50,7 @@ class TcpInWire(StreamWire):
         clock: Stamps what arrives.
         host: Where to listen.
         port: Where to listen; 0 takes a free one.
-        systems: MAVLink system ids of which a frame is valid; None accepts any.
+        systems: MAVLink system ids whose frames are valid; None accepts any.
         checks: Signature checks by system id; such a system's frame must be signed.
     """
 
@@ -137,7 +137,7 @@ class TcpInWire(StreamWire):
         if not data:
             self._drop(caller)
             return
-        # All frames are judged, even after one that proves the caller: what is old is known then.
+        # Judge all frames, even after one that proves the caller, so the checks remember every timestamp.
         frames = caller.reader.split(data)
         verdicts = []
         for frame in frames:

@@ -96,7 +96,7 @@ class AddressPins:
 
     def admit(self, now_s: float, address: _Address, data: bytes) -> bytes:
         """Return the accepted frames that a datagram completes; of an unexpected system only the first one."""
-        # Of the addresses that are not pinned, the readers of the last MAX_READERS are kept.
+        # At MAX_READERS, the address without a pin that was silent longest loses its reader.
         reader = self._readers.pop(address, None) or FrameReader(())
         if len(self._readers) >= MAX_READERS:
             others = [other for other in self._readers if other not in self.addresses]
@@ -120,7 +120,7 @@ class AddressPins:
         return checked
 
     def _knock(self, now_s: float, address: _Address, data: bytes) -> bytes | None:
-        """Pin a new address by the first frame of its datagram, or return what is accepted without a pin.
+        """Pin a new address by the first frame of its datagram, or return the bytes accepted without a pin.
 
         Floods come from here, so most datagrams are refused by their header.
         """
@@ -145,7 +145,7 @@ class AddressPins:
         """Judge one valid frame by its own system's pin."""
         system_id = frame.system_id
         if self._systems is not None and system_id not in self._systems:
-            return True  # forwarded by the vehicle's own link; nobody speaks for it here
+            return True  # forwarded by the vehicle's own link; such a system has no pin
         pin = self._pins.get(system_id)
         check = self._checks.get(system_id)
         if check is not None:

@@ -1,4 +1,4 @@
-"""Credentials that a Zenoh router asks for, read and checked. Imports nothing heavy: orders by a router use it."""
+"""Credentials for a Zenoh router, read and checked. Imports nothing heavy: orders by a router use it."""
 
 import ssl
 from collections.abc import Mapping
@@ -74,7 +74,7 @@ def tls_of(authority: Path, certificate: Path | None, key: Path | None) -> Mappi
         key: PEM, of the certificate.
 
     Raises:
-        ConfigError: If a file cannot be read or is not what it should be, others may read the key, or it does not
+        ConfigError: If a file cannot be read or has the wrong content, others may read the key, or it does not
             belong to its certificate.
     """
     _read("tls_ca_file", authority)

@@ -20,7 +20,7 @@ from guidance.files import private_file, private_folder, read_text
 from guidance.links.zenoh.credentials import AUTHORITY, ROUTER
 
 _SIGNING: Final = x509.KeyUsage(False, False, False, False, False, True, True, False, False)
-"""The authority's key signs certificates and their revocation lists (`key_cert_sign`, `crl_sign`), and nothing else."""
+"""The authority's key signs only certificates and their revocation lists (`key_cert_sign`, `crl_sign`)."""
 
 
 class KeyPair(NamedTuple):

@@ -40,7 +40,7 @@ Respond = Callable[["ServiceRequest"], None]
 
 
 class Attachment(NamedTuple):
-    """What goes with every message, request and response."""
+    """Metadata of every message, request and response."""
 
     sequence: int
     source_ns: int

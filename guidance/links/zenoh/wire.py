@@ -31,7 +31,7 @@ def session_to(endpoint: Endpoint, credentials: Credentials, timeout_s: float) -
 
 
 class Subscription(Arrivals[_Opened]):
-    """What other sessions publish on a key expression.
+    """Items that other sessions publish on a key expression.
 
     Args:
         session: Where to subscribe.
