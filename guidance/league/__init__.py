@@ -1,11 +1,11 @@
-"""A league of policies with a known optimum: environments to train them in, and games that judge them.
+"""A league of policies with a known optimum: environments for training, and games that judge the policies.
 
 Environments, which need the extra `league` (Gymnasium, PettingZoo):
     PursuitVectorEnv: many games of one scenario as one batch, one side against a named opponent.
     PursuitEnv: one such game.
     PursuitParallelEnv: both sides of a game, or all players of two teams, as PettingZoo's agents.
 
-Where Gymnasium is installed, importing this package registers the id "Pursuit-v0". `gymnasium.make("Pursuit-v0")` and
+If Gymnasium is installed, importing this package registers the id "Pursuit-v0". `gymnasium.make("Pursuit-v0")` and
 `gymnasium.make_vec("Pursuit-v0", num_envs=64)` take the environments' arguments; the default scenario is "pe".
 
 `guidance.strategies.own` has the columns of observations and actions. A policy is a function of observations (n, k)

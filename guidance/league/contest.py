@@ -44,7 +44,7 @@ RESAMPLES: Final = 200
 BOOTSTRAP_STREAM: Final = 41
 
 TRIAL: Final = 16
-"""States on which a policy is tried before any game."""
+"""Number of states for trying a policy before any game."""
 
 CONFIDENCE: Final = (0.025, 0.975)
 """Quantiles of the resampled numbers that bound an interval."""
@@ -99,7 +99,7 @@ class PlayedPair(NamedTuple):
 
 
 class Contest(NamedTuple):
-    """The games of a league: what is played, and in which states."""
+    """The games of a league: scenario, policies and initial states."""
 
     scenario: Scenario
     side: str

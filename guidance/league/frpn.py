@@ -16,10 +16,10 @@ PURSUIT_WEIGHT: Final = 0.051
 """W of the same implementations, 1/s²: the weight of pure pursuit."""
 
 HELD_S: Final = 0.02
-"""How long a velocity is held: a cycle of `guidance.sim.maths`."""
+"""Holding time of a velocity: a cycle of `guidance.sim.maths`."""
 
 LEVELLED_M: Final = 0.2
-"""Height above or below the goal from which `frpn_level` flies slower than at full vertical speed."""
+"""Closer than this to the goal's height, `frpn_level` flies slower than at full vertical speed."""
 
 FRPN: Final = "guidance.league.frpn:frpn"
 FRPN_LEVEL: Final = "guidance.league.frpn:frpn_level"

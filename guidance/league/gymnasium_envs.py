@@ -42,8 +42,8 @@ class PursuitVectorEnv(VectorEnv[FloatArray, FloatArray, Any]):
 
     | columns | quantity | bound |
     |---|---|---|
-    | 0, 1 | place of the evader relative to the pursuer, as known to it | what both can fly until the limit |
-    | 2 | height of the stand-off disc relative to the pursuer | what the pursuer can climb until the limit |
+    | 0, 1 | place of the evader relative to the pursuer, as known to it | distance that both can fly until the limit |
+    | 2 | height of the stand-off disc relative to the pursuer | height that the pursuer can climb until the limit |
     | 3, 4 | velocity of the evader, as known to the pursuer | the evader's speed, and the sensor's noise |
     | 5, 6, 7 | velocity over the ground that the pursuer asked for last | its speed set, with the wind |
     | 8, 9 | in TAD: position of the target relative to the pursuer | as columns 0 and 1 |
@@ -155,7 +155,7 @@ class PursuitVectorEnv(VectorEnv[FloatArray, FloatArray, Any]):
         """Hold an action of each environment for a step.
 
         Raises:
-            ConfigError: If the actions are not finite real numbers (n, k), or nothing was reset before.
+            ConfigError: If the actions are not finite real numbers (n, k), or before the first reset.
         """
         games = self.games
         if games is None:

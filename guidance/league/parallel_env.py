@@ -101,7 +101,7 @@ class PursuitParallelEnv(ParallelEnv):
         return self._game.observations(self.agents), self._game.infos(self.agents)
 
     def step(self, actions: ByAgent) -> tuple[ByAgent, ByAgent, ByAgent, ByAgent, ByAgent]:
-        """Hold an action of each agent that plays; after the end nobody does, and all results are empty.
+        """Hold an action of each agent that plays; after the end all results are empty.
 
         Raises:
             ConfigError: If an agent has no action, or one that is no finite real numbers of its space's shape.

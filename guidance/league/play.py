@@ -1,13 +1,13 @@
-"""Many games of one scenario at once, stepped by the velocities of one side or both: what the environments share.
+"""Many games of one scenario at once, stepped by the velocities of one side or both: the environments' common part.
 
 The players are those of `guidance.sim.maths`: the same game, ends, limits, sensor and policies. A velocity is held
 for a period. Only the scenario's own players choose anew within it: every `CHOICE_S`, and where something happens, as a
 report arrives, or the height is reached. A step ends exactly where a game ends.
 
-The score of a game is what the pursuer gets, as far as it is decided, plus the exact value of the rest: in PE minus
-the time of the capture, s; in TAD the distance of the evader from its target at the capture, m, and where the evader
-wins minus the distance by which the pursuer is short of a capture. Where both play optimally it does not change. A
-change is what a player lost. A game of TAD that the pursuer could win counts 0 for an arrival, as in outcomes.
+The score of a game is the pursuer's result, as far as it is decided, plus the exact value of the rest: in PE minus
+the time of the capture, s; in TAD the distance of the evader from its target at the capture, m, and if the evader wins,
+minus the distance that the pursuer lacks for a capture. Optimal play of both does not change the score. A change is a
+player's loss. A game of TAD that the pursuer could win counts 0 for an arrival, as in outcomes.
 """
 
 from collections.abc import Iterable
@@ -43,7 +43,7 @@ LEAST_S: Final = 1e-9
 """A rest of a period that is not flown."""
 
 CHOICE_S: Final = 0.5
-"""Longest time for which a player of the scenario keeps a velocity.
+"""A player of the scenario keeps a velocity at most this long.
 
 In 1,000 games with a multicopter's speeds, optimal velocities that are kept for 0.5 s lose less than 1 ms, and up to
 1.9 s if they are kept for 1 s.
@@ -203,7 +203,7 @@ def _scores(arena: Arena, batch: Batch, moment: BatchMoment, solution: Solution)
 
 
 class Losses(NamedTuple):
-    """Of each game, (n,): what the pursuer lost from the opening on, the value at the opening, and the `End`."""
+    """Of each game, (n,): the pursuer's loss since the opening, the value at the opening, and the `End`."""
 
     loss: FloatArray
     value: FloatArray
@@ -213,13 +213,13 @@ class Losses(NamedTuple):
 def losses_of(arena: Arena, batch: Batch, moments: Iterable[BatchMoment], player: str) -> Losses:
     """Return the losses of games that are played to their ends.
 
-    Where the player's policy has no answer, or the time limit ends the game undecided, the player also pays the
+    If the player's policy has no answer, or the time limit ends the game undecided, the player also pays the
     remaining value, and no less than in a lost game. So it never pays to stop playing.
 
     Args:
         arena: Whose value counts.
         batch: The games.
-        moments: All of them, as `guidance.sim.maths.moments` yields them.
+        moments: All moments, as `guidance.sim.maths.moments` yields them.
         player: "pursuer" or "evader", whose policy is judged.
     """
     opening = moment_of_engagement(batch)

@@ -1,4 +1,4 @@
-"""What a league leaves: a table on the screen, JSON, a picture, and the worst states as scenario files."""
+"""Results of a league: a table on the screen, JSON, a picture, and the worst states as scenario files."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,6 +1,6 @@
 """One side of a scenario's games as an agent: its observations and actions with their bounds, and its reward.
 
-Observations and actions are those of `guidance.strategies.own`, which a policy also flies by.
+Observations and actions are those of `guidance.strategies.own`; a policy has the same ones in flight.
 """
 
 import warnings
@@ -30,20 +30,20 @@ from guidance.strategies.own import (
 SIDES: Final = (PURSUER, EVADER)
 
 STEP_S: Final = 0.1
-"""How long an action is held, if nothing else is asked for."""
+"""Default holding time of an action."""
 
 FARTHEST_SIGMAS: Final = 9.0
 """Normal noise that is drawn from 53 random bits is never farther out."""
 
 
 ROUNDING: Final = 1e-9
-"""Share by which a number may be beyond its bound: 3.0000000000000004 m/s of 3."""
+"""A number may exceed its bound by this share: 3.0000000000000004 m/s of 3."""
 
 MOST_LOST: Final = 0.01
 """Share of the value that a step may cost an optimal player without a warning."""
 
 TRIED_GAMES: Final = 256
-"""Games in which the cost of a step is measured."""
+"""Number of games for measuring the cost of a step."""
 
 
 class Bounds(NamedTuple):
@@ -140,7 +140,7 @@ class Side(NamedTuple):
 
 
 def with_flown_speeds(scenario: Scenario) -> Scenario:
-    """Return a scenario with the speed set of its flight where it names none, so policies fly what they have played."""
+    """Return a scenario with the speed set of its flight where it names none, so games have the speeds of flights."""
     return scenario.model_copy(update={"pursuer": scenario.as_flown().pursuer})
 
 

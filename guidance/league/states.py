@@ -3,7 +3,7 @@
 A state depends only on its seed, not on the other states of a batch or on when it is drawn. Each player is placed
 uniformly in a disc about a centre: the target in TAD, the pursuer's start in PE. The disc reaches the scenario's
 farthest player, and is small enough for the fence. The pursuer's height is uniform from the disc's height to that of
-the scenario's start. States in which the game is over are drawn again.
+the scenario's start. A state whose game is over is drawn again.
 """
 
 import math
@@ -28,7 +28,7 @@ DRAWS: Final = 5
 """Random numbers of a state: radius and direction of both players, and the pursuer's height."""
 
 _TRIES: Final = 50
-"""How often a state is drawn again because its game is over."""
+"""Most draws of a state, which is drawn again if its game is over."""
 
 HOME_SOUTH_M: Final = 2.0
 """The pursuer takes off so far south of its start, as in `Scenario.home_m`."""
@@ -45,7 +45,7 @@ class States(NamedTuple):
 
 
 class Arena(NamedTuple):
-    """Where the states of a scenario are drawn.
+    """The games of a scenario, and the area of their random states.
 
     Attributes:
         template: The scenario's game as a batch of one.
@@ -68,7 +68,7 @@ class Arena(NamedTuple):
 
 
 def arena_of(scenario: Scenario, *, between_points: bool = False) -> Arena:
-    """Return where the states of a scenario are drawn.
+    """Return the arena of a scenario.
 
     Args:
         scenario: Of two players.

@@ -26,7 +26,7 @@ _ROWS: Final = 256
 """Games that are played at a time."""
 
 _STREAM: Final = 43
-"""Of the bootstrap's random numbers."""
+"""Random stream of the bootstrap."""
 
 
 class TeamRow(NamedTuple):
@@ -42,7 +42,7 @@ class TeamRow(NamedTuple):
         low: lower end of its 95 % interval.
         high: upper end.
         fewer: games with fewer captures than guaranteed.
-        closer: games in which a promised evader ended closer to its target than guaranteed, or later, by a tenth.
+        closer: games with a promised evader that ended a tenth closer to its target than guaranteed, or a tenth later.
     """
 
     player: str
@@ -58,7 +58,7 @@ class TeamRow(NamedTuple):
 
 
 class TeamContest(NamedTuple):
-    """What is played: the policies of both sides, and the number and first seed of the games."""
+    """The games of a league of teams: policies of both sides, and the number and first seed of the games."""
 
     scenario: TeamScenario
     players: tuple[str, ...]
@@ -91,7 +91,7 @@ def team_contest_of(
 
 
 def with_team_policies(scenario: TeamScenario, pursuer: str, evader: str) -> TeamScenario:
-    """Return a scenario in which all players of a side have one policy, checked as a file's.
+    """Return a scenario with one policy for all players of a side, checked as a file's.
 
     Raises:
         ConfigError: If a policy is unknown.

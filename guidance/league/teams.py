@@ -237,7 +237,7 @@ class TeamScenarioGame:
         )
 
     def _scored(self) -> float:
-        """Return the pursuers' result: what is decided, and what is guaranteed of the rest."""
+        """Return the pursuers' result so far, plus the guarantee for the rest."""
         end, time_s, _ = self._outcomes
         running = end == End.RUNNING
         value = self._matching.value
@@ -263,7 +263,7 @@ class TeamScenarioGame:
 
 
 def _reached_s(way_m: FloatArray, closing_m_s: FloatArray, reach_m: Real) -> FloatArray:
-    """Return when tangents of distances (..., 3) come to a reach, s; infinite where they grow."""
+    """Return the times until tangents of distances (..., 3) reach `reach_m`, s; infinite where they grow."""
     away_m = np.sqrt(np.sum(way_m**2, axis=-1))
     product = np.sum(way_m * closing_m_s, axis=-1)
     divisor_m = np.where(away_m > 0.0, away_m, 1.0)

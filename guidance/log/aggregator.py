@@ -60,7 +60,7 @@ class Aggregator:
     Attributes:
         settings: Of the present flight.
         cycle: Numbers of the last cycle.
-        playing: In a team, the evader that the vehicle plays against.
+        playing: In a team, the vehicle's evader.
         evaders_m: Last place of each evader in the game frame, by name; "" is the only one of a vehicle without a team.
         vehicle: Last known state of the vehicle.
         home_m: Home in the game frame; None until known.

@@ -104,7 +104,7 @@ class Broadcast(Record):
         return len(self._waiting)
 
     def watched(self) -> set[str]:
-        """Return the channels that somebody subscribes to."""
+        """Return the channels with subscribers."""
         publishers = self._publishers.items()
         return {channel for channel, publisher in publishers if is_watched(publisher)}
 

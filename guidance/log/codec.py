@@ -55,7 +55,7 @@ _REASONS: Final = {"missing": "is missing", "extra_forbidden": "is unknown to th
 
 
 class Form(NamedTuple):
-    """How one type is read (pydantic core schema) and described (JSON Schema), and what is written for a value.
+    """Reader (pydantic core schema), description (JSON Schema) and writer of one type.
 
     `write` turns a value into dictionaries and lists of numbers and text; None for values that are written as they are.
     """

@@ -56,7 +56,7 @@ def cut_ring(ring: Sequence[Coordinates]) -> list[list[Coordinates]]:
 
 
 def _turns(longitude_deg: float) -> int:
-    """Return in which turn around the Earth a longitude is: 0 within −180° to 180°."""
+    """Return the number of a longitude's turn around the Earth: 0 within −180° to 180°."""
     return math.floor((longitude_deg + 180.0) / 360.0)
 
 

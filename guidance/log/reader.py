@@ -115,7 +115,7 @@ class Survey:
 
     @property
     def faults(self) -> list[str]:
-        """What the record lacks, a phrase each; empty if it is whole."""
+        """Faults of the record, a phrase each; empty if it is whole."""
         faults = []
         if self.torn is not None:
             faults.append(f"torn ({self.torn}): counted up to there")
@@ -312,7 +312,7 @@ class _LimitedFile:
 
     @property
     def position(self) -> int:
-        """Where the next read begins."""
+        """Offset of the next read."""
         return self._file.tell()
 
     def seek(self, offset: int) -> None:
@@ -350,7 +350,7 @@ class _LimitedFile:
         return opcode, content
 
     def summary(self) -> Sequence[Channel | ChunkIndex | MetadataIndex]:
-        """Return what the end of the file says of its channels, chunks and metadata; empty if it was cut off."""
+        """Return the channels, chunks and metadata listed at the end of the file; empty if it was cut off."""
         if self._summary is None:
             position = self.position
             self._summary = []
@@ -436,7 +436,7 @@ def _records(file: _LimitedFile, survey: Survey) -> Iterator[McapRecord]:
             survey.damaged_chunks += 1
             if not survey.damage:
                 survey.damage = str(error)
-            # The chunk may have been the one that describes a channel; the summary describes all of them again.
+            # The chunk may have described a channel; the summary describes every channel again.
             records = [record for record in file.summary() if isinstance(record, Channel)]
         yield from records
     if file.read(len(_MAGIC)) != _MAGIC:

@@ -9,7 +9,7 @@ Frames follow REP 103 and REP 105, axes east, north, up:
 * `NAME/evader`: the estimated evader, with the axes of `map`.
 * `earth`: Earth-centred. Altitudes above mean sea level stand in for heights above the ellipsoid there.
 
-A stamp is the flight's clock, counted from the Unix time at which the flight's record began; 1970 in virtual time.
+A stamp is the flight's clock, counted from the Unix time of the record's beginning; 1970 in virtual time.
 Covariances are zero, which means unknown.
 """
 
@@ -69,7 +69,7 @@ _ALARM_SHOWN_S: Final = 5.0
 
 _EARTH_EVERY_S: Final = 1.0
 _EARLY: Final = 0.9
-"""Share of a period after which a message is due, since cycles do not fall on its grid."""
+"""A message is due after this share of its period, since cycles do not fall on its grid."""
 
 _POINTS: Final = 73
 _LINE: Final = 4
@@ -162,7 +162,7 @@ class RosFlight:
 
     @property
     def map_frame(self) -> str:
-        """The frame that stands still: common to all, or the vehicle's own in a team without a common site."""
+        """The fixed frame: common to all, or the vehicle's own in a team without a common site."""
         has_team = self._settings.team is not None
         return f"{self.name}/{_MAP}" if has_team and self._settings.cycle.site is None else _MAP
 

@@ -1,4 +1,4 @@
-"""What is drawn of a flight: its shapes as arrays, and the messages of a record that viewers draw without setup.
+"""Drawings of a flight: its shapes as arrays, and the messages of a record that viewers draw without setup.
 
 Shapes are in the game frame (m, x east, y north): discs, isochrons, the edges of target and fence.
 

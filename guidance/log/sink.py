@@ -1,8 +1,8 @@
-"""An output of a flight: a record, a log, metrics, another program's messages. All of them are told the same.
+"""An output of a flight: a record, a log, metrics, another program's messages. All outputs get the same calls.
 
-A daemon tells its outputs of every cycle on the thread of the loop. A sink therefore never waits: what may take long
-goes to a thread of its own through a bounded queue, and what does not fit is dropped and counted. A sink that raises
-is told nothing more; the flight goes on.
+A daemon calls its outputs in every cycle, on the thread of the loop. A sink therefore never waits: slow work goes to a
+thread of its own through a bounded queue, and entries that do not fit are dropped and counted. A sink that raises is
+dropped; the flight continues.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,11 +17,11 @@ Entry = tuple[float, str, bytes | CycleEntry | EventEntry]
 
 
 class FlightIdentity(NamedTuple):
-    """Which flight the following cycles belong to.
+    """The flight of the following cycles.
 
     Attributes:
         vehicle: Its name.
-        evaders: Names of the evaders that it hears of.
+        evaders: Names of its evaders.
         settings: Of the flight.
     """
 
@@ -60,13 +60,13 @@ class Report(NamedTuple):
 
 
 class Sink:
-    """One output of a flight. A class that inherits from it implements what it needs; the rest does nothing.
+    """One output of a flight. A subclass implements the methods that it needs; the others do nothing.
 
     No method waits or raises. The order of calls: `begin`; in each cycle `cycle`, its events, `report`, `frames`,
     `worked`; `over` and `close` once at the end. `say` comes at any time, also before `begin`.
 
     Attributes:
-        dropped: Entries that were dropped, because whoever reads them is too slow.
+        dropped: Entries that were dropped, because their reader was too slow.
     """
 
     dropped: int = 0

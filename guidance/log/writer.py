@@ -31,7 +31,7 @@ from guidance.log.scene import Scene
 from guidance.log.sink import Entry, Sink
 
 CHUNK_S: Final = 0.1
-"""Period of the recorder's thread, which writes a chunk each time. A killed process loses what it had not written."""
+"""Period of the recorder's thread, which writes a chunk each time. A killed process loses its unwritten entries."""
 
 VIRTUAL_CHUNK_S: Final = 1.0
 """Duration of a chunk without the thread, in virtual time: larger chunks take less time to write."""
@@ -87,7 +87,7 @@ class Recorder(Record):
     """`Record` that writes MCAP files. Times are those of the injected clock, in nanoseconds.
 
     Entries wait until a chunk is due and are encoded together, which is faster. With a thread, a slow or full disk does
-    not delay the loop. An error of the disk, or a row that cannot be encoded, ends the record and nothing else.
+    not delay the loop. An error of the disk, or a row that cannot be encoded, ends the record, not the flight.
 
     Args:
         path: The first file; further ones are named by `part_path`.
@@ -235,7 +235,8 @@ def commit_of_checkout(root: Path) -> str | None:
     """Return the commit of HEAD of the repository at `root`, or None if there is none, or no git."""
     if not (root / "pyproject.toml").is_file() or not (root / ".git").exists():
         return None  # installed inside another repository
-    # git refuses a repository of another user, such as a service's, unless it is named safe. HEAD runs nothing of it.
+    # git refuses a repository of another user, such as a service's, unless it is named safe. Reading HEAD runs no code
+    # from the repository.
     words = [
         "git",
         "-c",
