@@ -24,7 +24,7 @@ _STYLES: Final = (
 
 
 class _Measure(NamedTuple):
-    """What the curves show.
+    """The quantity of the curves.
 
     Attributes:
         label: With a place for the unit.

@@ -103,7 +103,7 @@ class Folder:
 
     @cached_property
     def missing(self) -> list[int]:
-        """The chunks without a complete file, when first asked for."""
+        """The chunks without a complete file at the first access."""
         chunks = math.ceil(self.plan.rows / self.chunk_rows)
         return [chunk for chunk in range(chunks) if not self.has(chunk)]
 

@@ -33,7 +33,7 @@ MOST_GAMES: Final = 10**9
 """Most games of a sweep: two days on two cores. The numbers of the missing parts are held in memory."""
 
 MOST_PAIRS: Final = 10_000
-"""Most pairs of policies, before those given twice are looked for."""
+"""Most pairs of policies, counted before duplicates are removed."""
 
 _TYPES: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 

@@ -36,7 +36,7 @@ _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
 
 
 def bases_of(plan: Plan, source: str = "") -> list[dict[str, Any]]:
-    """Return the document of each pair of policies, in which sections without a swept key are validated already.
+    """Return the document of each pair of policies. Sections without a swept key are validated already.
 
     Raises:
         ConfigError: If one is wrong; `source` names the sweep.
@@ -132,7 +132,7 @@ def planned(name: str, way: str | None = None) -> Plan:
 
     Raises:
         ConfigError: If there is none, or its scenario is wrong; or one line for each fault, with the key, the value and
-            what is allowed.
+            the allowed values.
     """
     path = find(name, SWEEP_FOLDER)
     text, document = read(path)

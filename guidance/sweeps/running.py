@@ -105,7 +105,7 @@ def cluster_client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no 
     from distributed import Client  # noqa: PLC0415
 
     dask.config.set({"distributed.scheduler.allowed-failures": DEATHS})
-    # Dask logs the tracebacks of lost connections; what they mean for the sweep is said once, at the end.
+    # Dask logs the tracebacks of lost connections; the sweep reports their effect once, at the end.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
         # A failed client that is collected here waits for the lock that this call holds
@@ -211,7 +211,7 @@ def _play_in_processes(
 
 
 def _content(future: Future[ChunkMade], chunk: int) -> bytes:
-    """Return a chunk, or say what the user can do about its error.
+    """Return a chunk, or raise its error with a remedy for the user.
 
     Every chunk says which code made it: a worker may join, or be replaced, at any time.
     """

@@ -44,7 +44,7 @@ _NUMBERS: Final = re.compile(rf"{_RATIO}|target_[xy]_m|pursuer_(\d+_)?[xyz]_m|ev
 _NUMBER_FORM: Final = r"^([+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?inf(inity)?|nan)$"
 _KINDS: Final = (".csv", ".parquet")
 _SHOWN: Final = 5
-"""How many cells without a number are listed."""
+"""Most cells without a number that are listed."""
 
 _WORDS: Final[dict[str, type[Winner | Reason]]] = {"winner": Winner, "reason": Reason}
 _TEAM_COLUMNS: Final = {
@@ -68,7 +68,7 @@ _Cell = tuple[int, str, str]
 
 
 class _Teams(NamedTuple):
-    """Rows of a file in which the same players are present, by their numbers."""
+    """Rows of a file with the same players, by their numbers."""
 
     rows: Array
     pursuers: Array

@@ -193,7 +193,7 @@ def player_tracks(pursuer: FloatArray, evader: FloatArray) -> Iterator[Shape]:
 def promise_of(
     curve: FloatArray, meeting_m: Sequence[float] | None, *, with_target: bool
 ) -> Iterator[Shape]:
-    """Yield the isochron at engagement, (n, 2), and the meeting point foreseen, m: what the game promises."""
+    """Yield the game's promise: the isochron at engagement, (n, 2), and the meeting point foreseen, m."""
     yield Shape(lifted(curve, 0.0), ISOCHRON, "isochron at engagement")
     if meeting_m is not None:
         x, y, *_ = meeting_m
@@ -222,7 +222,7 @@ def target_of(place_m: Enu | None, extent: Extent) -> Iterator[Shape]:
 def chase_figure(
     shapes: Sequence[Shape], fence: Sequence[FloatArray], *, with_whole_fence: bool = False
 ) -> Figure:
-    """Draw a chase in space and from above, and from above with the whole fence if asked for.
+    """Draw a chase in space and from above; `with_whole_fence` adds a view from above with the whole fence.
 
     Args:
         shapes: Of the chase.
@@ -286,7 +286,7 @@ def draw_fence(
         axes: In space or from above; what else is drawn is there, and gives the view.
         edges: Closed curves, (n, 3) each, m.
         dimensions: 3 in space, 2 from above.
-        whole: Widen the view to all of it.
+        whole: Widen the view to the whole fence.
     """
     (west, east) = axes.get_xlim()
     (south, north) = axes.get_ylim()

@@ -46,7 +46,7 @@ class FlightHistory(NamedTuple):
         title: Of the flight.
         survey: Of the record.
         settings: At the start.
-        flight: What was known after the last cycle: home, limits.
+        flight: The flight's data after the last cycle: home, limits.
         events: All events.
         rows: One of each cycle, as recorded.
         cycles: The numbers of each.
@@ -463,7 +463,7 @@ def team_opening_words(team: TeamHistory) -> str:
         replay_words = f"{', '.join(differing)} replays differently"
     else:
         replay_words = "every vehicle replays bit for bit"
-    # How close vehicles of about one height came.
+    # Least distance between vehicles at about one height.
     tracks = []
     for flight in team.flights.values():
         samples = zip(flight.rows, flight.cycles, strict=True)

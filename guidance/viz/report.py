@@ -157,7 +157,7 @@ def draw_game(history: FlightHistory) -> Figure:
         ]
     figure, axes = over_time(history, 7.0, lines)
     axes[0].axhline(0.0, color="0.0", linewidth=0.6)
-    # What was promised at engagement, and the alarms.
+    # The promise at engagement, and the alarms.
     if history.engaged is not None:
         engaged = history.engaged.certificate
         promised = engaged.assured_distance_m if history.with_target else engaged.time_needed_s
@@ -370,7 +370,7 @@ def write_animation(history: FlightHistory, path: Path) -> None:
     for number in counted(frames, "drawing the moving picture", len(frames)):
         played_s = max(0.0, now_s[cycles[number]] - engaged_s)
         images.append(_frame(stage, history, tracks, number, played_s))
-    # In a loop, which stands still at its end. The picture's description is the scenario.
+    # A loop that pauses at its end. The picture's description is the scenario.
     about = Image.Exif()
     about[ExifTags.Base.ImageDescription] = history.survey.metadata.get(SCENARIO, "")
     times_ms = [FRAME_MS] * (len(images) - 1) + [20 * FRAME_MS]
@@ -398,7 +398,7 @@ class _Stage(NamedTuple):
     """The figure of a moving picture, and what moves in it.
 
     Attributes:
-        figure: All of it.
+        figure: The whole figure.
         runs: The ways of vehicle and evader from above, and the vehicle's height.
         marks: The ends of these ways.
         rim: Of the stand-off disc.
@@ -413,13 +413,13 @@ class _Stage(NamedTuple):
 
 
 def _stage(history: FlightHistory, most_m: FloatArray) -> _Stage:
-    """Draw what does not move; `most_m` are the largest distance and height."""
+    """Draw the static parts; `most_m` are the largest distance and height."""
     shapes = shapes_of(history)
     far_m, high_m = most_m
     figure = figures.figure_of(8.0, 4.4)
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
-    # What does not move is drawn once, in a view that shows all shapes.
+    # The static parts are drawn once, in a view that shows all shapes.
     still = figures.ISOCHRON, figures.MEETING, TARGET
     still_shapes = [shape for shape in shapes if shape.style in still]
     figures.draw(plan, still_shapes, 2)
@@ -527,7 +527,7 @@ def write_page(
 
     Args:
         folder: Made if it does not exist.
-        flights: What the page is about; an earlier report of the same records is replaced.
+        flights: The flights of the page; an earlier report of the same records is replaced.
         drawn: The pictures, by their section of `report.html`; the page keeps only those sections.
         words: The first paragraph.
         rows: Of the table.

@@ -50,7 +50,7 @@ _HEADERS: Final = (
     "data: blob:; font-src 'self' data:; worker-src 'self' blob:; connect-src 'self' {recording} data: blob:\r\n"
     "Referrer-Policy: no-referrer\r\n"
 )
-"""Of the page: it may load its own files, and connect to the recording's server only."""
+"""Headers of the page: it may load its own files, and connect to the recording's server only."""
 
 _Address = tuple[str, int]
 

@@ -133,7 +133,7 @@ _WARNINGS: Final = (
 
 
 def entity_path(name: str, vehicle: str) -> str:
-    """Return the path of an entity of one vehicle: in a team, the vehicle is below the view that shows all of them."""
+    """Return the path of an entity of one vehicle: in a team, the vehicle is below the common view."""
     if not vehicle:
         return name
     parts = name.split("/")
@@ -187,7 +187,7 @@ class Painter:
         self._drawn_s = -math.inf
         self.cycles = 0
         self._begin()
-        # What never changes: axes, colours, names, the target.
+        # Static entities: axes, colours, names, the target.
         self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         # In a team, the label of an evader comes with the role
         pursuer_labels = [self._vehicle or "pursuer"]
@@ -211,7 +211,7 @@ class Painter:
 
     def _begin(self) -> None:
         """Start a flight."""
-        # of each cycle, what is drawn of it by path
+        # the time of each cycle, and its drawings by path
         self._pending = list[tuple[float, dict[str, Any]]]()
         self._tails = dict[str, FloatArray]()
         self._fenced = False
@@ -327,7 +327,7 @@ class Painter:
         self._log(now_s, MEETING, star)
 
     def _log(self, now_s: float | None, name: str, components: rr.AsComponents) -> None:
-        """Log what is so from a time on, or always."""
+        """Log components from a time on; None logs them as static."""
         if now_s is not None:
             self._to.set_time(TIMELINE, duration=now_s)
         path = entity_path(name, self._vehicle)

@@ -2,5 +2,5 @@
 
 Contents:
     server: serves the page. access: who may connect. hub: finds daemons, sends orders, and has the data of all daemons.
-    snapshot: what the page shows of a flight, live or recorded. records: finished flights.
+    snapshot: the page's data of a flight, live or recorded. records: finished flights.
 """

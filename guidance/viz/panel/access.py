@@ -33,9 +33,9 @@ from guidance.links.port import is_loopback
 
 MIN_PASSWORD_LENGTH: Final = 12
 PASSWORD_INTERVAL_S: Final = 1.0
-"""After a wrong password, the answers to its address are so late for so long, whatever the password is.
+"""For this time after a wrong password, answers to its address are delayed by the same time, for every password.
 
-The right one always gets in. Who guesses needs a connection for each guess meanwhile: at most
+The right password is always accepted. Each guess needs its own connection meanwhile: at most
 `MAX_OPEN_CONNECTIONS` guesses in this time.
 """
 
@@ -165,7 +165,7 @@ class Access:
             return self._door(request, 200)
         if not _is_same_secret(request.query.get("token", ""), self.token):
             return self._door(request, 403)
-        self.token = secrets.token_urlsafe(24)  # nobody has seen this one
+        self.token = secrets.token_urlsafe(24)  # this one was never shown
         return self._let_in()
 
     async def invite(self, _request: web.Request) -> web.Response:
@@ -202,7 +202,7 @@ class Access:
             return self._door(request, 403)
         answer = web.Response(status=303, headers={"Location": "./"})
         # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
-        # Without a path: the browser takes the folder of the address that it asked for, also behind a proxy.
+        # Without a path, the browser takes the folder of the requested address, also behind a proxy.
         is_secure = self.tls is not None
         answer.set_cookie(
             self._cookie, self._session, path="", httponly=True, samesite="Lax", secure=is_secure

@@ -67,7 +67,7 @@ MAX_NEWS_BYTES: Final = 1 << 18
 """Longest cycle, event or description of a flight; longer ones are not read."""
 
 FAULT_SHOWN_S: Final = 10.0
-"""How long data of a daemon that cannot be used is named on the page."""
+"""The page names unusable data of a daemon for this time."""
 
 STATUS_INTERVAL_S: Final = 0.5
 """Interval of status queries. Daemons check their readiness as often."""
@@ -87,7 +87,7 @@ MAX_UNANSWERED: Final = 3
 
 
 class Unreadable(NamedTuple):
-    """What a daemon sent that cannot be used."""
+    """Unusable data from a daemon."""
 
     words: str
 
@@ -194,7 +194,7 @@ class DaemonBus:
     def _poll(self, session: "zenoh.Session") -> bool:
         """Send signs of life, and query all status; return whether a daemon answered.
 
-        Nothing waits for one daemon alone: each answer is news when it arrives.
+        Each answer is news when it arrives, so a slow daemon delays no other.
         """
         for name in tuple(self._known):
             if self._clock.now_s() - self._operator_seen_s.get(name, -math.inf) <= OPERATOR_LIMIT_S:
@@ -301,7 +301,7 @@ class DaemonView:
         self._unreadable_s = at_s
 
     def fault(self, now_s: float) -> str:
-        """Say what of the daemon's data cannot be used; empty if all of it can."""
+        """Name the fault of the daemon's data; empty without one."""
         status = self.latest["status"]
         if status and is_bad(status):
             return str(status["reason"])

@@ -103,7 +103,7 @@ class RecordFolder:
         return rows
 
     async def listed_whole(self) -> list[dict[str, Any]]:
-        """List the records as soon as the outcomes of all of them are read."""
+        """List the records as soon as all outcomes are read."""
         self.listed()
         if self._reading is not None:
             await self._reading

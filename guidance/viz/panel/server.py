@@ -141,7 +141,7 @@ class PanelServer:
         return web.Response(status=404) if tile is None else web.FileResponse(tile)
 
     async def _alive(self, request: web.Request) -> web.StreamResponse:
-        """Say what the page may do, and whether its data can come: the WebSocket is for pages of our origin."""
+        """Return the page's options, and whether its origin is ours: only such pages get the WebSocket."""
         origin = request.query.get("origin", "")
         about = {
             "look": self._look,

@@ -37,7 +37,7 @@ from guidance.texts import printable
 
 ISOCHRON_INTERVAL_S: Final = 1.0
 _ALARM_SHOWN_S: Final = 10.0
-"""How long an alarm is shown."""
+"""Time for showing an alarm."""
 
 BATTERY_CAUTION: Final = 0.1
 """Caution below the minimum of the battery plus this (0 to 1). The flight returns at the minimum."""
@@ -296,7 +296,7 @@ class SnapshotFold:
         return self._shown
 
     def _telemetry(self, row: CycleEntry) -> Plain:
-        """Return what the autopilot says of itself, and what the flight does."""
+        """Return the autopilot's status and the flight's state."""
         vehicle = self._flight.vehicle
         autopilot = self._flight.settings.autopilot
         latest = vehicle.latest
@@ -357,7 +357,7 @@ class SnapshotFold:
 
 
 def game_shown(certificate: Certificate) -> Plain:
-    """Return what the page shows of a game."""
+    """Return the page's data of a game."""
     meeting_m = None if certificate.no_game else rounded(certificate.meeting_point_game_m)
     game = {name: getattr(certificate, name) for name in (*_OF_THE_GAME, "active_limits")}
     return game | {"reach": reach_of(certificate), "meeting_m": meeting_m, "isochron_m": None}
