@@ -17,7 +17,7 @@ class Registry(dict[str, Registered]):
 
     A package adds one with `add` when it is imported, or names it in the entry point group. The entry point has the
     name of its member, and is imported when a file gives that name. So a package that cannot be imported stops only
-    what uses it.
+    its users.
 
     Args:
         noun: What a member is, as messages call it: ``autopilot``.

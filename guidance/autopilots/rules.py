@@ -202,7 +202,7 @@ def passes(
     Args:
         condition: Whether the value passes.
         wanted: The expected value, for people.
-        set_to: What `guidance check --apply` sets instead; None if a person has to choose.
+        set_to: Value that `guidance check --apply` sets instead; None if a person has to choose.
         why: The consequence of failing.
         otherwise: The verdict of failing.
     """

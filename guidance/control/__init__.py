@@ -1,4 +1,4 @@
-"""From the velocity that the game asks for to a setpoint within the limits; the cycle calls the modules themselves.
+"""From the game's velocity to a setpoint within the limits; the cycle calls the modules themselves.
 
 Following (`follow`, `servo`):
     Handling: how one vehicle flies. ServoGains, Approach: settings of its parts.

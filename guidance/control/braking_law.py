@@ -1,7 +1,7 @@
 """One constraint law for everything that a vehicle must not enter: walls, and the braking before them.
 
 Fences, floor, ceiling, the stand-off cylinder about the evader, and cylinders about mates are measured once per cycle,
-as one list of half-spaces, the walls (`measure_walls`). Of the distance to a mate each of the two may use half.
+as one list of half-spaces, the walls (`measure_walls`). Each of two mates may use half of the distance between them.
 
 The braking law: a vehicle may close on a wall only as fast as it can stop before it. After a change of command, a
 vehicle drifts on for its reaction time and then brakes. The closing speed c is allowed if
@@ -309,7 +309,7 @@ def approach_speed(distance: float, deceleration: float, lag_s: float) -> float:
 
 
 def held_back(velocity_ned_m_s: Ned, walls: tuple[Wall, ...], envelope: Envelope) -> Ned:
-    """Reduce a desired velocity to what stops before every wall, and turn it back beyond one.
+    """Reduce a desired velocity so that the vehicle stops before every wall, and turn it back beyond one.
 
     Args:
         velocity_ned_m_s: Desired velocity over the ground.
@@ -483,7 +483,7 @@ def obey(
 
 
 def reduced(vector_ned: Ned, constraint: Constraint, *, along: bool) -> Ned:
-    """Take away what exceeds a half-space and keep the part along the wall, or scale the closing parts down."""
+    """Take away the excess over a half-space and keep the part along the wall, or scale the closing parts down."""
     normal = constraint.normal_ned
     ground = max(0.0, vector_ned.level_dot(normal))
     vertical = max(0.0, vector_ned.down * normal.down)

@@ -134,7 +134,8 @@ def catch_up(
 ) -> tuple[Ned, float]:
     """Increase a velocity to work off the along-track deficit over the ground; return it and the deficit, m.
 
-    The vertical speed of a vehicle that is behind is reduced to what reaches the disc's height before any meeting.
+    The vertical speed of a vehicle that is behind is reduced to the least that reaches the disc's height before any
+    meeting.
 
     Args:
         desired_ned_m_s: Velocity of the game's solution.

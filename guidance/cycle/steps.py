@@ -392,7 +392,7 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
         yaw_rad=yaw_rad,
         place=place,
         policy=paused,
-        # Without the comparison that has begun
+        # A comparison in progress is dropped
         speed=SpeedMemory(memory.speed.shown_m_s, memory.speed.share),
     )
     return CycleOutput(limited.setpoint, None, kept)

@@ -1,7 +1,7 @@
 """Compares the velocities that an evader reports with its positions, and says whether the velocities are believed.
 
 A sender may report velocities in another frame than it says (a ROS twist in the world's axes), or always zero. The
-velocities are integrated over about two seconds, by the trapezoidal rule. What remains of the positions then is
+velocities are integrated over about two seconds, by the trapezoidal rule. The rest of the positions is then
 constant if the velocities are right. The slope of a straight line through the rest is the error of the velocities; the
 spread of the positions bounds its own error.
 

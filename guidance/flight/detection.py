@@ -134,8 +134,8 @@ def _prearm_check(
     if not (profile.prearm_always_told or status.sensors_present & _PREARM_CHECK):
         return True, failure
     if beat is not None and not beat.armed and beat.custom_mode in profile.setpoint_modes:
-        # PX4 keeps OFFBOARD or our mode after a landing, and its checks then miss our setpoints or our readiness. As we
-        # arm, it refuses by itself what really is wrong.
+        # PX4 keeps OFFBOARD or our mode after a landing, and its checks then miss our setpoints or our readiness. It
+        # refuses to arm if anything else is wrong.
         return True, "of a mode that misses setpoints; asked again as it arms"
     return False, failure
 
@@ -179,7 +179,7 @@ def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
 LATE_LOOP_S = 0.25
 
 LOSS_SPARE_S = 0.05
-"""Setpoints reach the autopilot by so much less evenly than they are sent."""
+"""Allowance for the jitter of setpoints between sending and arrival at the autopilot."""
 
 _AT_START_M = 1.0
 _AT_START_M_S = 0.4

@@ -93,8 +93,8 @@ class Flight:
     def leaving_modes(self) -> tuple[Mode, ...]:
         """Foreign modes that an order is ending and HEARTBEATs still show.
 
-        Of a vehicle that was found armed, HEARTBEATs of `AGREEING_S` count: another sender with the same system id may
-        have sent the last one.
+        If the vehicle was found armed, all HEARTBEATs of the last `AGREEING_S` count: another sender with the same
+        system id may have sent the last one.
         """
         shown = self.observed.mode
         if self._claimed:

@@ -330,7 +330,7 @@ class Observed:
             airborne=True,
         )
         reported_ned_m = self._around(state, state.at_s, frame).position_ned_m
-        # Aircraft that are silent are left out; what moved like none may be one again after that time.
+        # Silent aircraft are left out. A name that moved as no aircraft can is accepted again after that time.
         self.aircraft = {
             name: other
             for name, other in self.aircraft.items()

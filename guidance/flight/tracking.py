@@ -46,8 +46,8 @@ class Tracking:
     not known yet. `playing` is the evader of the game; "" is the only evader of a vehicle that has no team.
 
     Attributes:
-        news: Changed doubts about reports, for people; whoever shows them empties the list.
-        refused: By evader, why its source refuses reports, for people; whoever reads the source's counters says so.
+        news: Changed doubts about reports, for people; the code that shows them empties the list.
+        refused: By evader, why its source refuses reports, for people; set by the reader of the source's counters.
     """
 
     def __init__(self, settings: FlightSettings) -> None:
@@ -202,7 +202,7 @@ class Tracking:
         return rivals.why if rivals.why and rivals.there(now_s) else ""
 
     def doubts(self, evader: str | None = None) -> tuple[str, ...]:
-        """Return what of an evader's reports is not used, by default of the game's, in words for people."""
+        """Return the unused parts of an evader's reports, by default of the game's evader, in words for people."""
         observer = self.observers.get(self.playing if evader is None else evader, _UNHEARD)
         return tuple(filter(None, (_pace_words(observer), _velocity_words(observer))))
 

@@ -2,7 +2,7 @@
 
 The game:
     Game: one pursuer against one evader, with the extensions of a vehicle: stand-off, wind, old information.
-    Ball, Cylinder: the pursuer's speed set; `SpeedSet` is what each of them is, `guidance.game.speed_sets` their room.
+    Ball, Cylinder: the pursuer's speed set; `SpeedSet` is their interface, `guidance.game.speed_sets` their package.
     StandOff: the disc around the evader that the pursuer aims for.
     Extent: the shape of the evader's target about its position: a disc, a segment, a convex polygon.
     guaranteed_age_s: the largest age of the evader's position with a guaranteed value of PE.

@@ -319,7 +319,7 @@ def as_reals(array: Array) -> Array:
 
 
 def mapped(function: Callable[..., Any], first: AnyRecord, *others: AnyRecord) -> AnyRecord:
-    """Return a record of what a function makes of the numbers at the same place of each record.
+    """Return the record of a function's results for the numbers at the same place of each record.
 
     A record is a tuple, named or not, or a dataclass. It has numbers and records in it.
     """

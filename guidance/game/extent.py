@@ -47,7 +47,7 @@ class Extent:
             raise ConfigError(
                 f"corners_m = {self.corners_m!r}: must be one or more pairs of finite numbers (x, y), m"
             )
-        # Counterclockwise, as seen from the first, beyond which there is none.
+        # Counterclockwise, as seen from the first, an extreme corner.
         first, *others = sorted((float(x), float(y)) for x, y in pairs)
         others.sort(
             key=lambda corner: (

@@ -45,7 +45,7 @@ def names_of(record: Numbers) -> tuple[str, ...]:
 
 
 _NAMES: Final[dict[Any, tuple[str, ...]]] = {}
-"""Of each kind of record; a flight asks for them in every cycle."""
+"""Names by kind of record, kept because a flight needs them in every cycle."""
 
 
 def exchanged(record: AnyRecord, **values: object) -> AnyRecord:

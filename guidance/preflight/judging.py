@@ -46,7 +46,7 @@ _STREAMS: Final = (
         "the detection of foreign setpoints",
     ),
 )
-"""Name and type of each judged stream, its least rate, the verdict on a lower one, and what needs it."""
+"""Name and type of each judged stream, its least rate, the verdict on a lower one, and its use."""
 
 
 def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:

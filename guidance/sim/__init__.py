@@ -1,1 +1,1 @@
-"""Scenarios: their files, how point masses play them, what a sensor makes of it, the mock's world, and outcomes."""
+"""Scenarios: their files, their play by point masses, the sensor, the mock's world, and outcomes."""

@@ -95,7 +95,7 @@ _TIMED: Final = frozenset({"random_turns", "circle"})
 
 
 def kind_of(scenario: Scenario) -> Hashable:
-    """Return what two scenarios must share to be played in one batch."""
+    """Return the properties that two scenarios must share to be played in one batch."""
     evader = scenario.evader
     policies = (scenario.pursuer.policy, evader.policy)
     course_duration_s = scenario.time_limit_s if _TIMED.intersection(policies) else None

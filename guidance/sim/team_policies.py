@@ -24,7 +24,7 @@ def observed_by(
     present: Array,
     target_m: Array | None,
 ) -> Array:
-    """Return what a player of a team observes, (..., k).
+    """Return the observations of a player of a team, (..., k).
 
     Args:
         number: of the player; evaders are counted after the pursuers.

@@ -28,7 +28,7 @@ from guidance.team.messages import (
 from guidance.team.senders import TWO_SENDERS, Sender
 
 TEAM_SILENT_S: Final = 1.0
-"""A mate or a coordinator that was not heard for so long is not there."""
+"""A mate or a coordinator that was silent for so long counts as absent."""
 
 MOST_TERMS: Final = 1000
 """A message's term may exceed the last known one by this; there is at most one election a second."""
@@ -95,7 +95,7 @@ class Board:
         roles: The newest assignment; `roles_s` is its arrival.
         term: The latest term in any message.
         counts: Numbers of accepted messages, and of refused ones by reason.
-        news: What people should know, since it was last cleared.
+        news: Notes for people, since it was last cleared.
     """
 
     def __init__(self, vehicle: str, mates: Collection[str], evaders: Collection[str]) -> None:
@@ -196,7 +196,7 @@ class Board:
         mate.clock = hear(mate.clock, state.sent_s, arrived_s)
         at_s = arrived_s if mate.clock is None else min(arrived_s, mate.clock.ours(state.sent_s))
         if before is not None:
-            # Doubt is what of a step no motion explains.
+            # Doubt is the part of a step that no motion explains.
             dt_s = at_s - mate.at_s
             reported_ned_m = LocalFrame(*before.place).ned_from_wgs84(*state.place)
             expected_ned_m = dt_s * Ned(before.velocity_ned_m_s)

@@ -249,7 +249,7 @@ class Transport(Protocol):
         """Send to all mates; messages may be lost."""
 
     def receive(self) -> Sequence[Arrived]:
-        """Return what arrived since the last call, oldest first; not what this vehicle sent. The queue is bounded."""
+        """Return the other senders' messages since the last call, oldest first. The queue is bounded."""
 
     def present(self) -> Collection[str] | None:
         """Return the names of the vehicles with a liveliness token; None if it has no tokens."""
@@ -283,7 +283,7 @@ class MemoryTransport:
                 end.waiting.append((self._clock() + DELAY_S, key, payload))
 
     def receive(self) -> Sequence[Arrived]:
-        """Return what has arrived by now."""
+        """Return the messages that have arrived by now."""
         now_s = self._clock()
         arrived = sorted(message for message in self.waiting if message[0] <= now_s)
         self.waiting = [message for message in self.waiting if message[0] > now_s]

@@ -32,7 +32,7 @@ ALONE_AFTER_S: Final = 3.0
 
 _NUMBERS: Final = 20
 _NUMBERS_PER_S: Final = 40.0
-"""Numbers that a stream may skip, and for each second of silence so many more: four times of what vehicles send."""
+"""Numbers that a stream may skip, and for each second of silence so many more: four times the vehicles' rate."""
 
 _REMEMBERED: Final = 64
 """Messages whose content is remembered: more than a late repetition is late."""

@@ -219,7 +219,7 @@ def _fly_on(
         begin_s: when the flights begin, (b, n, states), s.
         place_m: where, (b, n, states, 3), m.
         last: the evaders, (states,).
-        mask: what has been captured then, as bits, (states,).
+        mask: evaders captured then, as bits, (states,).
     """
     run_m_s = scene.foreseen.run_m_s[:, None, last]
     since_s = np.where(np.isfinite(begin_s), begin_s, 0.0)
@@ -249,7 +249,7 @@ def _bits(numbers: Array) -> Array:
 
 
 def _early(time_s: Array, until_s: Array) -> Array:
-    """Return what captures count; −∞ if they do not come in time."""
+    """Return the worth of captures; −∞ if they do not come in time."""
     share = np.where(np.isfinite(until_s), time_s / until_s, 0.0)
     return np.where(np.isfinite(time_s), 1.0 + EARLY * (1.0 - share), -np.inf)
 

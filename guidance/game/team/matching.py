@@ -130,7 +130,7 @@ def match_teams(
         target: position of each evader's target, (..., m, 3), or of the one target of all, (3,), m; None for PE.
         in_play: which evaders are in play, (..., m); all by default.
         previous: the matching so far, whose promises are kept.
-        hysteresis: what a new pair must be better by than one of `previous`, m in TAD and s in PE. Matchings that
+        hysteresis: least gain of a new pair over one of `previous`, m in TAD and s in PE. Matchings that
             differ by less may count as equal.
         spare_m: TAD: a capture with less distance to spare is not guaranteed; a number or an array for the pairs,
             (..., n, m). A promise of `previous` stays.
@@ -228,7 +228,7 @@ def _in_turn(
 
 
 def _spare_in_turn(table: Table, own: Array, target: Array, possible: Array) -> Array:
-    """Return by how much pursuers that capture their own evaders are then surely nearer to the others' targets, m.
+    """Return how much nearer to the others' targets pursuers surely are after capturing their own evaders, m.
 
     Args:
         table: everybody against everybody.

@@ -123,7 +123,7 @@ class TeamSolution(NamedTuple):
         meeting_point_m: where the evader is when the game ends, (..., 3), m: X*, the point that gives `lower_bound`.
         meeting_time_s: when it is there, from now, s.
         binds: which pursuers decide the value, (..., n): one, or two.
-        multipliers: by how much the value changes for each second that a pursuer starts late, (..., n): in PE λᵢ s
+        multipliers: change of the value for each second that a pursuer starts late, (..., n): in PE λᵢ s
             more, in TAD λᵢ m less. Zero for pursuers that do not bind, and where the evader wins.
         pursuer_velocity_m_s: velocities of the pursuers, (..., n, 3), m/s.
         evader_velocity_m_s: velocity of the evader, (..., 3), m/s.
@@ -337,7 +337,7 @@ def nearest_run(
         evader: position of the evader, (..., 3), m.
         best: what two of them guarantee.
         won: where they win, (...); elsewhere the run is that of `best`.
-        pursuers: what takes the pursuers that play from arrays (..., n); all by default.
+        pursuers: index of the pursuers that play in arrays (..., n); all by default.
     """
     goal = team.goal
     if goal is None or is_zero(team.regions.safe):
@@ -619,7 +619,7 @@ def assembled(
 
 
 def _multipliers(team: PursuerGames, best: Meeting) -> Array:
-    """Return by how much the value changes for each second that a pursuer starts late, (..., n).
+    """Return the change of the value for each second that a pursuer starts late, (..., n).
 
     X* maximises the evader's time t_E (PE), or minimises its distance from the target (TAD), among the points with
     t_E(X) ≤ tᵢ(X) for every pursuer. The multipliers λᵢ of that problem solve

@@ -245,11 +245,11 @@ def worth_in(alone: Solution, T: Array | None) -> Array:
 
 
 def together(team: PursuerGames, index: tuple[Any, ...]) -> Meeting:
-    """Return what each two pursuers guarantee, by one of them alone or together, (..., k).
+    """Return the guarantee of each two pursuers, by one of them alone or together, (..., k).
 
     Args:
         team: the pursuers.
-        index: what takes both from arrays (..., n); the last part has their numbers, (..., k, 2) or (k, 2).
+        index: index of both in arrays (..., n); the last part has their numbers, (..., k, 2) or (k, 2).
     """
     pursuers = index[-1]
     first_member = pursuers[..., 0]
@@ -519,7 +519,7 @@ def taken(array: Array, index: Array) -> Array:
 
 
 def place_of(index: Array, axes: int | None = None) -> tuple[Array, ...]:
-    """Return what takes elements along the axis behind some first axes of an array, by default all of the index."""
+    """Return the index of elements along the axis after some first axes of an array, by default those of the index."""
     leading = index.shape
     if axes is not None:
         leading = index.shape[:axes] + (1,) * (index.ndim - axes)
