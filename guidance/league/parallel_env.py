@@ -173,7 +173,7 @@ class _Duel:
         return int(self._games.moment.end[0])
 
     def observations(self, agents: list[str]) -> ByAgent:
-        """Return what each agent observes."""
+        """Return each agent's observation."""
         return {agent: self._sides[agent].observe(self._games)[0] for agent in agents}
 
     def infos(self, agents: list[str]) -> ByAgent:

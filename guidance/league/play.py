@@ -40,7 +40,7 @@ from guidance.strategies import OPTIMAL
 from guidance.strategies.navigation import turning
 
 LEAST_S: Final = 1e-9
-"""A rest of a period that is not flown."""
+"""A shorter rest of a period is not flown."""
 
 CHOICE_S: Final = 0.5
 """A player of the scenario keeps a velocity at most this long.

@@ -140,7 +140,7 @@ class Side(NamedTuple):
 
 
 def with_flown_speeds(scenario: Scenario) -> Scenario:
-    """Return a scenario with the speed set of its flight where it names none, so games have the speeds of flights."""
+    """Return a scenario with the speed set of its flight where it names none, so policies play with flown speeds."""
     return scenario.model_copy(update={"pursuer": scenario.as_flown().pursuer})
 
 

@@ -188,7 +188,7 @@ class TeamScenarioGame:
         return int(max(end, key=lambda code: code != End.CAPTURED))
 
     def observations(self, agents: list[str]) -> ByAgent:
-        """Return what each agent observes."""
+        """Return each agent's observation."""
         places_m = np.concatenate([self._P, self._E])
         pursuers_present = np.ones(self._n, dtype=bool)
         evaders_present = self._outcomes.end == End.RUNNING

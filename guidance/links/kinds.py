@@ -26,7 +26,7 @@ class LinkOrder(NamedTuple):
 
     Attributes:
         section: `[vehicle]`, an instance of the kind's own section if it has one.
-        clock: Stamps what arrives.
+        clock: Stamps arrivals.
         autopilot: The vehicle's, as this link flies it.
         wire: Open, with the vehicle's MAVLink, and closed with the link; None without MAVLink.
         signing_key: Of MAVLink; None without signing.

@@ -41,7 +41,7 @@ def open_wire(
 
     Args:
         url: See `guidance.links.port`.
-        clock: Stamps what arrives.
+        clock: Stamps arrivals.
         systems: MAVLink system ids that may call a listening port; None accepts any.
         signing_key: Theirs: each is accepted from an address or a connection only after a validly signed frame.
         credentials: For a Zenoh router.

@@ -2,7 +2,7 @@
 
 The loop only appends to a bounded queue. A separate thread encodes and publishes, and only while there are
 subscribers. It drops entries instead of waiting, so a viewer that hangs does not affect the loop. `LiveFlight` is the
-viewer's side: it yields what arrives as items of a record and drops the oldest if it is too slow.
+viewer's side: it yields arrivals as items of a record and drops the oldest if it is too slow.
 """
 
 import contextlib
@@ -238,7 +238,7 @@ class LiveFlight:
         return self._flight.metadata
 
     def items(self, idle: Idle) -> Iterator[Item]:
-        """Yield what arrives until `idle` returns True, beginning with the vehicle's latest messages."""
+        """Yield arrivals until `idle` returns True, beginning with the vehicle's latest messages."""
         yield from self._flight.heard
         while True:
             while (sample := self._arriving.try_recv()) is not None:

@@ -226,14 +226,14 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
 
 
 def _dictionary_writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, Any]]:  # noqa: ANN401
-    """Return what makes a dictionary of a named tuple, without unknown values."""
+    """Return a function that makes a dictionary of a named tuple, without unknown values."""
     keys = kind._fields
     tag: tuple[str, ...] = ()
     if tagged:
         keys = (_TAG, *keys)
         tag = (kind.__name__,)
     hints = get_type_hints(kind)
-    # The fields that can be None or are not written as they are, each with what writes it.
+    # The fields that can be None or are not written as they are, each with its writer.
     parts = list[tuple[str, Callable[[Any], Any] | None]]()
     for name in kind._fields:
         write_field = form_of(hints[name]).write

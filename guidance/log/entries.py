@@ -27,10 +27,10 @@ ORDERED: Final = "ordered"
 """Event of an operator order: order, operator and reply."""
 
 TEAM_NEWS: Final = "team"
-"""Event of what a vehicle noticed about its mates, such as a position that jumped."""
+"""Event: a vehicle noticed something about its mates, such as a position that jumped."""
 
 EVADER_NEWS: Final = "evader's reports"
-"""Event of what of the evader's reports is no longer used, or used again: its stamps, or its velocities."""
+"""Event: the stamps or the velocities of the evader's reports are no longer used, or used again."""
 
 LINK_NEWS: Final = "vehicle's link"
 """Event of frames in the vehicle's name that its link refused."""

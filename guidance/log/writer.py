@@ -72,7 +72,7 @@ class Record(Sink):
         """Keep raw MAVLink frames, or other entries."""
 
     def cycle(self, entry: CycleEntry) -> None:
-        """Keep one guidance cycle, the reports that it read, and what viewers draw of it."""
+        """Keep one guidance cycle, the reports that it read, and its drawings for viewers."""
         self.frames(((entry.now_s, CYCLE.topic, entry),))
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
@@ -142,7 +142,7 @@ class Recorder(Record):
             self.dropped += 1
 
     def close(self) -> None:
-        """Write what waits and finish the file; may be called twice."""
+        """Write the waiting entries and finish the file; may be called twice."""
         self._closed.set()
         if self._thread is not None:
             self._thread.join()
@@ -157,7 +157,7 @@ class Recorder(Record):
             self._write()
 
     def _write(self) -> None:
-        """Write what waits as a chunk."""
+        """Write the waiting entries as a chunk."""
         waiting = self._waiting
         try:
             while waiting and self.failed is None:

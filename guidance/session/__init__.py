@@ -1,1 +1,1 @@
-"""A flight from its specification: one loop, in whichever world, with its orders and whom it tells."""
+"""A flight from its specification: one loop for every world, its orders and its outputs."""

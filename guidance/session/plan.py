@@ -55,7 +55,7 @@ class FlightPlan:
 
     Attributes:
         flight: Settings of the flight.
-        wants: What preflight demands of the autopilot; None for a mock, which is not judged.
+        wants: Preflight's demands on the autopilot; None for a mock, which is not judged.
         document: The configuration as JSON.
     """
 
@@ -139,7 +139,7 @@ class _Terms:
         limits: The limits.
         speed_limits: Speeds of every command.
         flight: The section of the flight.
-        evader_timeout_s: The evader is lost after so long.
+        evader_timeout_s: The evader is lost after so long without a report.
         hold_on_rival: Whether a second source of the evader holds the vehicle.
         unlimited: States that may last as long as they like.
         team: Separation from mates; None without a team.

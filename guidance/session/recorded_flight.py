@@ -87,7 +87,7 @@ def fly_recorded(
 
 
 def team_plan(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> TeamPlan:
-    """Return what all vehicles of a scenario's team share."""
+    """Return the common plan of all vehicles of a scenario's team."""
     flight = scenario.flight
     team = TeamSection(
         separation_m=flight.separation_m, separation_height_m=flight.separation_height_m

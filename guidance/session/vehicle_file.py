@@ -121,7 +121,7 @@ class Config(Extended):
             key = f"ground_station.orders_from = {list(self.ordering_stations)}"
             yield f"{key}: has vehicle.system_id; name only ground stations, QGroundControl is 255"
         if self.vehicle.mavlink_url is None:
-            # Refuse what needs MAVLink.
+            # Refuse settings that need MAVLink.
             needs = f'with link = "{self.vehicle.link}" needs vehicle.parameters, a MAVLink URL'
             if self.evader.url is None:
                 yield f"evader.url: missing; a report on the vehicle's link {needs}"

@@ -97,7 +97,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
     try:
         columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
         with Progress(*columns, console=target, transient=True, disable=not redraws(target)) as bar:
-            # Of a CSV file the number of its lines, for the progress bar.
+            # Rows for the progress bar: a CSV file's lines, less its header.
             if states.suffix == ".parquet":
                 row_count = int(parquet.read_metadata(states).num_rows)
             else:

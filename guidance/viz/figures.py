@@ -283,7 +283,7 @@ def draw_fence(
     """Draw the visible part of a fence's edges, so that a wide fence does not shrink the rest.
 
     Args:
-        axes: In space or from above; what else is drawn is there, and gives the view.
+        axes: In space or from above; the rest is drawn already, and gives the view.
         edges: Closed curves, (n, 3) each, m.
         dimensions: 3 in space, 2 from above.
         whole: Widen the view to the whole fence.

@@ -395,7 +395,7 @@ class _MovingTracks(NamedTuple):
 
 
 class _Stage(NamedTuple):
-    """The figure of a moving picture, and what moves in it.
+    """The figure of a moving picture, and its moving parts.
 
     Attributes:
         figure: The whole figure.

@@ -418,7 +418,7 @@ def view(
         paint = partial(_paint, ended)
         # One thread for each: a record that still grows keeps its thread
         with ThreadPoolExecutor(len(painters)) as pool:
-            list(pool.map(paint, painters, sources.values()))  # raises what a painter raised
+            list(pool.map(paint, painters, sources.values()))  # raises a painter's error
         if save is None:
             ended.wait()
         return sum(painter.cycles for painter in painters)

@@ -41,7 +41,7 @@ class SourceOrder(NamedTuple):
     Attributes:
         kind: The name of the kind.
         url: Where its reports arrive; the vehicle's URL if they share its link.
-        clock: Stamps what arrives.
+        clock: Stamps arrivals.
         frame: The declared local frame of the evader, with undulation and home where they are given.
         wire: For a kind over MAVLink: open, and closed with the source. None for other kinds.
         system_id: The only accepted MAVLink system.
@@ -79,7 +79,7 @@ class EvaderKind:
 
     Attributes:
         name: The value of `evader.kind`.
-        message: What reports the evader, for people.
+        message: The message that reports the evader, in words for people.
         transport: "mavlink" shares the vehicle's link without a `url`; "zenoh" has a key in its URL; "other" opens
             and checks its URL itself, which may have any scheme.
         needs: Keys of `[evader]` that must be set, and why; a dot leads into `[evader.frame]`.

@@ -21,7 +21,7 @@ _UNUSED: Final = {
     "request_rate_hz": "cannot be asked for a rate",
     "signing_key_file": f"does not use it; {_OWN_URL}",
 }
-"""Reasons why a key is not allowed; other keys are just not used."""
+"""Reasons why a key is not allowed; by default, the kind does not use it."""
 
 
 class EvaderFrame(Section):

@@ -374,7 +374,7 @@ def open_source(
     Args:
         kind: A name in `KEYS`.
         url: zenoh://host:port/key.
-        clock: Stamps what arrives.
+        clock: Stamps arrivals.
         frame: The evader's declared local frame, for the datum and for positions in metres.
         credentials: For a router.
         timeout_s: Limit for connecting, in real time.

@@ -91,7 +91,7 @@ class Frame(NamedTuple):
 
 @functools.cache
 def _record_of(kind: Any) -> Callable[..., Fields]:  # noqa: ANN401 - one of pymavlink's classes
-    """Return what makes a tuple of a message's fields, in the order of its payload."""
+    """Return the class that makes a tuple of a message's fields, in the order of its payload."""
     base = (namedtuple(kind.msgname, kind.ordered_fieldnames),)
     return type(kind.msgname, base, {"__slots__": (), "msgname": kind.msgname})
 
@@ -153,7 +153,7 @@ class FrameReader:
         unknown_left = self._unknown_left
         begins = self.first(data)
         if begins is not None:
-            if self._buffer:  # what waits for its end has lost it
+            if self._buffer:  # the waiting frame has lost its end
                 self._unknown_left = unknown_left
                 self._skip(len(self._buffer))
                 self._buffer.clear()
@@ -174,7 +174,7 @@ class FrameReader:
             if end > len(buffer):
                 if self._aligned:
                     break
-                # Perhaps no frame: what looks like its beginning was found among other bytes
+                # Perhaps no frame: its beginning was found among other bytes
                 if suspect is None:
                     suspect = _Suspect(position, self.garbage_bytes, self._unknown_left)
             elif length > 0:

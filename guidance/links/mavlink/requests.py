@@ -1,4 +1,4 @@
-"""Requests in flight and what answers them; TIMESYNC in both directions.
+"""Requests in flight and their answers; TIMESYNC in both directions.
 
 Requests that are safe to repeat are sent up to four times, half a second apart, until they are answered.
 

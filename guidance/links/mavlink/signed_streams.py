@@ -25,7 +25,7 @@ SignedStream = tuple[int, int, int]
 """Link id, system id and component id."""
 
 LEAD_S: Final = 5.0
-"""The bound is so far ahead of the last timestamp."""
+"""The bound is this far ahead of the last timestamp."""
 
 MOST_FRAMES_WAITING: Final = 100
 """So many frames of a stream wait for a bound; the next one is used without."""
@@ -40,7 +40,7 @@ _MOST_TIMESTAMP: Final = 2**48
 
 
 def state_folder() -> Path:
-    """Return the folder for what a program remembers: systemd's, or the user's by the XDG rules."""
+    """Return the folder for a program's state: systemd's, or the user's by the XDG rules."""
     systemd = os.environ.get("STATE_DIRECTORY", "").split(":")[0]
     if systemd:
         return Path(systemd)
@@ -98,7 +98,7 @@ class SignedStreams:
             return True
 
     def write(self, lead: int = _LEAD) -> None:
-        """Write the file now, with bounds so far ahead of the last timestamps, unless the disk refuses."""
+        """Write the file now, with bounds `lead` ticks ahead of the last timestamps, unless the disk refuses."""
         with self._writing, contextlib.suppress(OSError, ConfigError):
             with self._lock:
                 own = {stream: timestamp + lead for stream, timestamp in self._latest.items()}

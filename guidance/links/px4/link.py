@@ -164,7 +164,7 @@ class Px4Link:
 
     Args:
         session: On the router; closed with the link.
-        clock: Stamps what arrives.
+        clock: Stamps arrivals.
         mode_name: Of the flight mode, 24 characters at most.
         domain_id: PX4's ZENOH_DOMAIN_ID.
         beside: A MAVLink link to the same vehicle; closed with this one.
@@ -293,7 +293,7 @@ class Px4Link:
             self.counts["unsent"] += 1
 
     def _send_waiting(self) -> None:
-        """Send what waits, on a thread of its own: a router that is stuck keeps neither the loop nor an answer."""
+        """Send the waiting messages, on a thread of its own: a stuck router delays neither the loop nor an answer."""
         while not is_over(self._over):
             try:
                 departing = self._outbox.get(timeout=_OVER_EVERY_S)
@@ -434,7 +434,7 @@ class Px4Link:
         }
 
     def problem(self) -> str:
-        """Return what bars a flight on this link, for people; empty if nothing does."""
+        """Return the problem that bars a flight on this link, for people; empty without one."""
         problems = [
             f"PX4 sends another version of {FROM_PX4[topic]} ({key}); use PX4 v1.17"
             for topic, key in self.other_versions.items()
@@ -495,7 +495,7 @@ class _Telemetry:
         }
 
     def take(self, topic: str, fields: TopicFields, received_s: float) -> list[messages.Message]:
-        """Return what a message of PX4 tells.
+        """Return the messages made from a message of PX4.
 
         Raises:
             ValueError: If its values are unknown or implausible.
@@ -508,7 +508,7 @@ class _Telemetry:
         return made
 
     def hear_home(self, home: messages.Home) -> None:
-        """Take home as the link beside tells it."""
+        """Take home from the link beside."""
         self._home = home
 
     def _status(self, fields: TopicFields, received_s: float) -> Iterator[messages.Message]:
@@ -623,7 +623,7 @@ def open_px4_link(
         endpoint: The router, and PX4's domain.
         mode_name: Of the flight mode.
         beside: A MAVLink link to the same vehicle; closed with this one, also if opening fails.
-        clock: Stamps what arrives.
+        clock: Stamps arrivals.
         credentials: For the router.
         timeout_s: Longest wait.
         system_id: The vehicle's MAVLink system id; None accepts any.

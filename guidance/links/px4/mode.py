@@ -35,14 +35,14 @@ SET_NAV_STATE: Final = 100001
 """PX4's own command: choose a mode by its NAVIGATION_STATE."""
 
 READINESS_STALE_S: Final = 1.0
-"""Readiness that is older counts as not ready: whoever judges it has stopped."""
+"""Readiness that is older counts as not ready: the judging program has stopped."""
 
 REGISTER_EVERY_S: Final = 1.0
 ASK_EVERY_S: Final = 1.0
 """Period of questions for PX4's clock, on the ground."""
 
 LOST_AFTER_S: Final = 3.0
-"""A mode that PX4 has not listed for so long is registered again."""
+"""A mode that PX4 has not listed for this time is registered again."""
 
 _API_VERSION: Final = 1
 _EXECUTOR_COMPONENT: Final = 1000
@@ -86,7 +86,7 @@ class Readiness(NamedTuple):
 
     Attributes:
         judged_s: When that was judged.
-        checks: What keeps it from being entered; empty if nothing does.
+        checks: Those that bar the mode; empty without any.
     """
 
     judged_s: float

@@ -47,7 +47,7 @@ class TcpInWire(StreamWire):
     """A listening port.
 
     Args:
-        clock: Stamps what arrives.
+        clock: Stamps arrivals.
         host: Where to listen.
         port: Where to listen; 0 takes a free one.
         systems: MAVLink system ids whose frames are valid; None accepts any.

@@ -65,8 +65,8 @@ class AddressPins:
     after `ADDRESS_SILENT_S` of silence. The first address ever pinned gets its pin back at once when it returns. With a
     key, a validly signed frame, which is newer than every one before it, pins its address at once.
 
-    Every frame is judged by the pin of its own system, also behind other bytes: whoever has one system's pin speaks
-    for no other one.
+    Every frame is judged by the pin of its own system, also behind other bytes: the pin of one system
+    is valid for no other one.
 
     Args:
         systems: MAVLink system ids that are accepted; None accepts any, at most `MAX_SYSTEMS` at once.
@@ -241,7 +241,7 @@ class UdpWire(QueuedWire):
         """Open the socket. With `pins` it listens for the systems that they accept; without, it calls the address.
 
         Args:
-            clock: Stamps what arrives.
+            clock: Stamps arrivals.
             host: To listen at or to call.
             port: To listen at or to call.
             pins: Accepts systems.

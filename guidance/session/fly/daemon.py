@@ -55,7 +55,7 @@ class Equipment:
     ask: Ask | None = None
 
     def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
-        """Say something to people before or after there is a daemon; `level` is as in `logging`."""
+        """Log a message for people before or after the life of a daemon; `level` is as in `logging`."""
         for sink in self.sinks:
             sink.say(level, message, fields)
 
@@ -114,7 +114,7 @@ class Daemon:
 
     @property
     def leaving(self) -> Authority | None:
-        """The one who asked the daemon to end, a person or a mission; None before that."""
+        """The authority that ordered the daemon to end, a person or a mission; None before that."""
         return self._desk.leaving
 
     def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
@@ -207,7 +207,7 @@ class Daemon:
             self.finished = True
 
     def exchange(self, load: Callable[[], FlightPlan], now_s: float) -> None:
-        """Take another plan, on the ground only; in flight it is refused, and said so."""
+        """Take another plan, on the ground only; in flight it is refused, with a message."""
         if self.in_flight:
             self.recording.say(
                 logging.WARNING,

@@ -1,4 +1,4 @@
-"""The order desk of a daemon: which orders go to the flight, which wait, and what everybody is answered."""
+"""The order desk of a daemon: it passes orders to the flight, lets some wait, and answers all."""
 
 import logging
 import re
@@ -33,7 +33,7 @@ class OrderDesk:
     Args:
         name: The daemon's.
         mailbox: Where orders and queries wait.
-        recording: Hears of every answer.
+        recording: Records every answer.
         team: The vehicle's part in a team, for the status; None if it flies alone.
         reset: Begins another flight by the same plan.
     """
@@ -62,7 +62,7 @@ class OrderDesk:
 
     @property
     def leaving(self) -> Authority | None:
-        """The one who asked the daemon to end, a person or a mission; None before that."""
+        """The authority that ordered the daemon to end, a person or a mission; None before that."""
         return None if self._leaving is None else self._leaving.authority
 
     @property

@@ -72,7 +72,7 @@ def _any_observation(with_target: bool) -> FloatArray:
 
 
 def asked_in_flight(name: str, clock: Clock, *, real_time: bool) -> Ask | None:
-    """Return what asks the pursuer's policy of a name; None if it is not the user's."""
+    """Return the `Ask` for the pursuer's policy of a name; None if it is not the user's."""
     if not is_own(name):
         return None
     timed = TimedPolicy(name, clock)

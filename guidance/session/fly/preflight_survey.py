@@ -47,7 +47,7 @@ class PreflightSurvey:
 
     @property
     def barred(self) -> tuple[str, ...]:
-        """Names of what preflight refuses; before its first verdict, preflight itself."""
+        """Names of the rows that preflight refuses; before its first verdict, preflight itself."""
         if not self.judges or not self._applies:
             return ()
         if not self.rows:

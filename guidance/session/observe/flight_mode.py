@@ -89,7 +89,7 @@ class FlightModeOutput(Sink):
 
 
 def checks_of(flight: Flight, now_s: float, refused: Sequence[str]) -> tuple[Check, ...]:
-    """Return what keeps the mode from being entered; nothing while guidance flies in it or hands over.
+    """Return the checks that bar the mode; none while guidance flies in it or hands over.
 
     Args:
         flight: As it stands.

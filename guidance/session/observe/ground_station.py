@@ -67,7 +67,7 @@ _WORDS: Final[Mapping[State, str]] = {
 """Words for states on ground stations; every other state has its own word."""
 
 _LOUD: Final = frozenset({State.ENGAGED, State.ON_STATION, State.HOLDING, State.YIELDED})
-"""States that an operator should notice, whatever led there."""
+"""States that an operator should notice, for any cause."""
 
 
 class _Text(NamedTuple):
@@ -235,7 +235,7 @@ def call_sign(settings: FlightSettings) -> str:
 
 
 def texts_of(outputs: Outputs, unit: str) -> list[_Text]:
-    """Return what a cycle has to say: each change of the state, and an alarm.
+    """Return the texts of a cycle: each change of the state, and an alarm.
 
     Args:
         outputs: Of the cycle.

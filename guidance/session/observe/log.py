@@ -82,7 +82,7 @@ class Log(logging.Handler, Sink):
             self.dropped += 1
 
     def close(self) -> None:
-        """Write what waits, within `_STOP_LIMIT_S`, and stop. May be called twice."""
+        """Write the waiting lines, within `_STOP_LIMIT_S`, and stop. May be called twice."""
         self._logger.removeHandler(self)
         self._waiting.put(None)
         self._thread.join(_STOP_LIMIT_S)

@@ -113,7 +113,7 @@ class RosOutput(Sink):
         self._keep(EventEntry(now_s, event, detail))
 
     def close(self) -> None:
-        """Publish what waits and leave the ROS graph; may be called twice."""
+        """Publish the waiting entries and leave the ROS graph; may be called twice."""
         self._stop.set()
         self._thread.join()
 

@@ -74,7 +74,7 @@ def autopilot_at(
         who: Names it in errors.
 
     Yields:
-        Its wire, what its HEARTBEAT said, and its description.
+        Its wire, the contents of its HEARTBEAT, and its description.
 
     Raises:
         ConfigError: If the URL is wrong, or `identify` refuses every autopilot that was heard.
@@ -112,7 +112,7 @@ def identify(found: Found, url: str, asked: str | None) -> Autopilot:
     """Return the autopilot that was found.
 
     Args:
-        found: What answered.
+        found: The autopilot, from its HEARTBEAT.
         url: Where, for the message.
         asked: Name of the expected autopilot; None accepts any.
 

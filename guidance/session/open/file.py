@@ -65,5 +65,5 @@ class ByFile:
         )
 
     def left_out(self, scenario: FlyableScenario) -> Sequence[str]:
-        """Name what of a scenario this vehicle flies without."""
+        """Name the features of a scenario that this vehicle flies without."""
         return lost_features(scenario, evader_simulated=False)

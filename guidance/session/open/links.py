@@ -36,7 +36,7 @@ _REST_S = 0.1
 
 
 def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Session]:
-    """Take orders where a configuration says, by the certificates of its router where that judges who may order.
+    """Take orders at a configuration's endpoint, with its certificates if a router judges who may order.
 
     Raises:
         ConfigError: If a certificate or its key is wrong.

@@ -79,7 +79,7 @@ def check_option(option: str, value: str, allowed: Sequence[str]) -> None:
 
 
 def lost_features(scenario: FlyableScenario, *, evader_simulated: bool) -> Sequence[str]:
-    """Name what of a scenario a vehicle that is not ours flies without; a simulated evader keeps its faults."""
+    """Name the features of a scenario that an outside vehicle flies without; a simulated evader keeps its faults."""
     if isinstance(scenario, TeamScenario):
         return ()
     lost = []
@@ -91,7 +91,7 @@ def lost_features(scenario: FlyableScenario, *, evader_simulated: bool) -> Seque
 
 
 class Way(Protocol):
-    """A way to open what a flight needs."""
+    """A way to open a flight."""
 
     @property
     def way(self) -> str:
@@ -101,4 +101,4 @@ class Way(Protocol):
         """Open everything; the stack closes it. Raises GuidanceError for everything that the user can fix."""
 
     def left_out(self, scenario: FlyableScenario) -> Sequence[str]:
-        """Name what of a scenario this way flies without."""
+        """Name the features of a scenario that this way flies without."""

@@ -107,7 +107,7 @@ class Asked:
         return Opened(laid, world, clock, buses, equipment, configs, policy, signals)
 
     def left_out(self, scenario: FlyableScenario) -> Sequence[str]:
-        """Name what of a scenario these vehicles fly without."""
+        """Name the features of a scenario that these vehicles fly without."""
         return lost_features(scenario, evader_simulated=True)
 
     def reach(

@@ -161,7 +161,7 @@ def foreseen(
     Args:
         flight: As it stands.
         now_s: The present.
-        rows: What preflight found.
+        rows: Findings of preflight.
         barred: Names of what bars the vehicle from flying.
     """
     accepted = {
@@ -183,7 +183,7 @@ def status(
     Args:
         flight: As it stands.
         outputs: Of the last cycle.
-        rows: What preflight found.
+        rows: Findings of preflight.
         barred: Names of what bars the vehicle from flying.
         now_s: The present.
     """

@@ -1,6 +1,6 @@
 """Orders over a Zenoh bus, the daemon's side: a query on `guidance/<name>/ctl/<order>`, and JSON back.
 
-`control_client` is the side of who orders.
+`control_client` is the client's side.
 
 A liveliness token says that the vehicle has an owner. It vanishes with the owner's process, however that ends.
 """
@@ -129,7 +129,7 @@ def control_bus(
         if query.payload is not None and len(query.payload) <= _MAX_SENDER_BYTES:
             by = name_in(query.payload.to_bytes())
         answer = written({**about, **mailbox.answer(order, by)})
-        with contextlib.suppress(zenoh.ZError):  # who asked may be gone
+        with contextlib.suppress(zenoh.ZError):  # the client may be gone
             # Under our own key: one query may be answered by several daemons.
             query.reply(control_key(name, order), answer, encoding=zenoh.Encoding.APPLICATION_JSON)
             query.drop()  # type: ignore[no-untyped-call]

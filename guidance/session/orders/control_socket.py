@@ -1,6 +1,6 @@
 """Orders on this computer: a Unix-domain socket beside the daemon's token, one JSON line each way.
 
-`socket_client` is the side of who orders. Other users cannot reach the socket: it has the token file's rights, and each
+`socket_client` is the client's side. Other users cannot reach the socket: it has the token file's rights, and each
 order shows the token.
 """
 
@@ -70,7 +70,7 @@ class ControlSocket:
     Args:
         name: The daemon's.
         answer: Answers an order or a query, given with the name of its sender.
-        token: What who orders must know; the socket gets the rights of its file.
+        token: The secret that clients must know; the socket gets the rights of its file.
         pass_on: Gives an order to a team; None takes no such orders.
 
     Raises:
@@ -93,7 +93,7 @@ class ControlSocket:
         self._closed = threading.Event()
         self._listener = socket.socket(socket.AF_UNIX)
         try:
-            # Of a daemon that was killed: the endpoint is ours by now
+            # A killed daemon may have left it: the endpoint is ours by now
             self._path.unlink(missing_ok=True)
             with reachable(self._path) as address:
                 self._listener.bind(address)

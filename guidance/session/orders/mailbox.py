@@ -2,8 +2,8 @@
 
 Two orders take time. An engage order waits until the parameters that act when setpoints stop and the uploaded fence
 were read again: preflight read them on the ground, and any ground station may have changed them since. A pilot's switch
-to the guided mode waits for the same. Without answers in time it is refused. The other is the last order of a process
-that ends: it hands the vehicle to the autopilot and waits until HEARTBEAT shows the mode.
+to the guided mode waits for the same. A value that does not arrive in time is a refusal. The other is the last order of
+a process that ends: it hands the vehicle to the autopilot and waits until HEARTBEAT shows the mode.
 """
 
 import math
@@ -142,7 +142,7 @@ class ShutdownHandover:
     """A daemon that ends: the order that it gives then, and whether the vehicle has followed.
 
     Args:
-        order: What hands the vehicle over.
+        order: The order that hands the vehicle over.
         now_s: The present.
         authority: Whether a person or a mission ends it. An operator's order cancels a mission's end.
     """

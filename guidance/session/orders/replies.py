@@ -1,7 +1,7 @@
 """Checks the replies of daemons. They come from a wire, and one vehicle's bad reply must not hide the others.
 
 A reply is a JSON object of bounded size and depth. Its numbers are finite, and each field that a display uses has its
-type. Anything else becomes a refusal in the name of the vehicle that sent it, so that who asked sees whose fault it
+type. Anything else becomes a refusal in the name of the vehicle that sent it, so that the client sees whose fault it
 is. The name comes from the key of the reply, which a router's access control checks, never from its body.
 """
 

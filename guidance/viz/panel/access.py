@@ -108,7 +108,7 @@ class Access:
         self._late_until_s = dict[str, float]()  # by network, after a wrong password
 
     def announce(self) -> None:
-        """Print the URL of the page, once: whoever reads the output later finds no token that still works."""
+        """Print the URL of the page, once: a later reader of the output finds no token that still works."""
         with contextlib.suppress(OSError):  # the output is closed
             self._say(f"panel    {self._door_url()}")
 

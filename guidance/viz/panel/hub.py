@@ -4,7 +4,7 @@ A thread for each endpoint queries the status of its daemons. A daemon may resta
 reconnects when no daemon answers. Received data waits in bounded queues, one for each daemon, for the thread of the web
 server. Ten times a second the changes become one message. A new page gets a snapshot of everything first.
 
-Each daemon's data is read and encoded alone. What cannot be used is that daemon's fault: it is named on the page, and
+Each daemon's data is read and encoded alone. Unusable data is that daemon's fault: it is named on the page, and
 the others are shown as before.
 """
 
@@ -54,7 +54,7 @@ MAX_NAMES: Final = 1024
 """Vehicles of one endpoint whose news are kept until they are read."""
 
 NO_CONTACT_S: Final = 2.0
-"""After so long without data, a daemon counts as lost."""
+"""After this time without data, a daemon counts as lost."""
 
 _BAD_DATA: Final = (
     ConfigError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError,
@@ -80,7 +80,7 @@ REMOTE_JOIN_LIMIT_S: Final = 3.0
 STATUS_TIMEOUT_S: Final = 1.5
 ORDER_LIMIT_S: Final = 4.0
 OPERATOR_LIMIT_S: Final = 2.0
-"""An operator counts as present so long after a sign of life; pages send one every second."""
+"""An operator counts as present for this time after a sign of life; pages send one every second."""
 
 MAX_UNANSWERED: Final = 3
 """Consecutive status queries without an answer; then the client reconnects."""

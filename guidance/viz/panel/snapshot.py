@@ -1,4 +1,4 @@
-"""Makes what a page shows of a flight from its cycles and events, live or recorded, as plain JSON values.
+"""Makes a page's data of a flight from its cycles and events, live or recorded, as plain JSON values.
 
 `python -m guidance.viz.panel.snapshot outcomes FILE…` and `… frames FILE` write JSON of records to standard output. The
 panel reads records in such a child process, so a large, damaged or hostile one cannot disturb it.
