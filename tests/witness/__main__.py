@@ -51,77 +51,71 @@ def all_cases(programs: Programs) -> dict[str, Case]:
     return {**cases.CASES, **other_clients.cases_of(programs), **cases.LAST}
 
 
-def observed(label: str, url: str, plays: Mapping[str, Case]) -> dict[str, str]:
-    """Play cases; return what each saw, without those whose program is missing."""
-    observations = {}
+def remember(autopilot: str, kind: str, title: str, words: str) -> None:
+    """Print an observation and keep it in the file at once, so that a run that is ended loses only its last case."""
+    name = page.AUTOPILOTS[autopilot]
+    print(f"{kind} {name}, {title}: {words}", flush=True)
+    with _writing:
+        page.remember(autopilot, kind, {title: words})
+
+
+def play_cases(autopilot: str, kind: str, url: str, plays: Mapping[str, Case]) -> None:
+    """Play cases and remember what each saw, without those whose program is missing."""
     with Client(url) as client:
         client.wait_for_home()
         client.wait_for_position()
         for title, play in plays.items():
             try:
-                observations[title] = play(client)
+                words = play(client)
             except NotPlayedError as missing:
-                print(f"{label}, {title}: not played, {missing}", flush=True)
+                print(
+                    f"{kind} {page.AUTOPILOTS[autopilot]}, {title}: not played, {missing}",
+                    flush=True,
+                )
+                continue
             except Exception as error:  # the other cases are worth their time
                 traceback.print_exc()
-                observations[title] = f"the witness failed: {type(error).__name__}: {error}"
-            else:
-                print(f"{label}, {title}: {observations[title]}", flush=True)
-    return observations
+                words = f"the witness failed: {type(error).__name__}: {error}"
+            remember(autopilot, kind, title, words)
 
 
-def observed_of_mock(autopilot: str, plays: Mapping[str, Case]) -> dict[str, str]:
-    """Play the cases on a mock in a child process."""
-    vehicle = {"name": "uav1", "flavour": autopilot, "ready_after_s": 0.5}
-    with running([vehicle], over=["udp"]) as fleet:
-        return observed(f"mock {page.AUTOPILOTS[autopilot]}", fleet["uav1"].udp, plays)
-
-
-def topics_of(
-    label: str, url: str, topics: Topics, plays: Mapping[str, TopicCase]
-) -> dict[str, str]:
-    """Play the cases of PX4's topics; return what each saw."""
-    observations = {}
+def play_topic_cases(kind: str, url: str, topics: Topics, plays: Mapping[str, TopicCase]) -> None:
+    """Play the cases of PX4's topics and remember what each saw."""
     with Client(url) as client:
         client.wait_for_home()
         topics.wait("vehicle_status", lambda status: status.pre_flight_checks_pass, seconds=60.0)
         for title, play in plays.items():
             try:
-                observations[title] = play(client, topics)
+                words = play(client, topics)
             except Exception as error:  # as above
                 traceback.print_exc()
-                observations[title] = f"the witness failed: {type(error).__name__}: {error}"
-            print(f"{label}, {title}: {observations[title]}", flush=True)
-    return observations
+                words = f"the witness failed: {type(error).__name__}: {error}"
+            remember(TOPICS, kind, title, words)
 
 
 def play_topics(url: str | None, router: str | None, plays: Mapping[str, TopicCase]) -> None:
-    """Play the cases of PX4's topics on the real PX4, if there is a router, or on its mock, and remember them."""
+    """Play the cases of PX4's topics on the real PX4, if there is a router, or on its mock."""
     if router is not None and url is not None:
         with Topics(router) as topics:
-            observations = topics_of("real PX4 over Zenoh", url, topics, plays)
-        kind = "real"
-    else:
-        kind = "mock"
-        router = f"tcp/127.0.0.1:{free_port()}"
-        vehicle = {"name": "uav1", "flavour": "px4", "ready_after_s": 0.5}
-        with (
-            Topics(router, "router") as topics,
-            running([vehicle], over=["udp"], px4_zenoh=router) as fleet,
-        ):
-            observations = topics_of("mock PX4 over Zenoh", fleet["uav1"].udp, topics, plays)
-    with _writing:
-        page.remember(TOPICS, kind, observations)
+            play_topic_cases("real", url, topics, plays)
+        return
+    router = f"tcp/127.0.0.1:{free_port()}"
+    vehicle = {"name": "uav1", "flavour": "px4", "ready_after_s": 0.5}
+    with (
+        Topics(router, "router") as topics,
+        running([vehicle], over=["udp"], px4_zenoh=router) as fleet,
+    ):
+        play_topic_cases("mock", fleet["uav1"].udp, topics, plays)
 
 
 def play_all(autopilot: str, url: str | None, plays: Mapping[str, Case]) -> None:
-    """Play the cases on the real autopilot, if there is a URL, or on its mock, and remember what was seen."""
-    if url is None:
-        observations = observed_of_mock(autopilot, plays)
-    else:
-        observations = observed(f"real {page.AUTOPILOTS[autopilot]}", url, plays)
-    with _writing:
-        page.remember(autopilot, "mock" if url is None else "real", observations)
+    """Play the cases on the real autopilot, if there is a URL, or on its mock in a child process."""
+    if url is not None:
+        play_cases(autopilot, "real", url, plays)
+        return
+    vehicle = {"name": "uav1", "flavour": autopilot, "ready_after_s": 0.5}
+    with running([vehicle], over=["udp"]) as fleet:
+        play_cases(autopilot, "mock", fleet["uav1"].udp, plays)
 
 
 def chosen(every: Mapping[str, CaseT], texts: Sequence[str]) -> dict[str, CaseT]:

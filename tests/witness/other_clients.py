@@ -287,6 +287,9 @@ TEST_PROGRAM = Path("build/src/integration_tests/integration_tests_runner")
 TEST_URL = "MAVSDK_TEST_URL"
 """Environment variable with the URL that the tests connect to."""
 TEST_S = 240.0
+LIMITED = ("sh", "-c", 'ulimit -v 4000000 && exec "$@"', "sh")
+"""Runs a program with at most 4 GB of memory: MAVSDK's OffboardAttitudeRate takes all that there is."""
+
 TRIES = 3
 """How often a failing test is played: on a busy computer some of them lose a race with either autopilot."""
 FAILURE = re.compile(r"(\w+\.\w+:\d+): Failure\n")
@@ -311,7 +314,7 @@ def integration_test(client: Client, programs: Programs, *, name: str) -> str:
 
 def outcome_of_test(client: Client, checkout: Path, name: str) -> str:
     """Play an integration test once."""
-    command = [str(checkout / TEST_PROGRAM), f"--gtest_filter=*.{name}"]
+    command = [*LIMITED, str(checkout / TEST_PROGRAM), f"--gtest_filter=*.{name}"]
     with client.lent() as url, tempfile.TemporaryDirectory() as scratch:
         (Path(scratch) / "src").symlink_to(checkout / "src")  # a test reads a plan from it
         output, ended = printed(command, Path(scratch), TEST_S, {**os.environ, TEST_URL: url})
