@@ -882,6 +882,7 @@ def shell_case(line: str, *, labels: bool = False) -> None:
         lines = typed(client, line)
         if labels:
             lines = [text.partition(":")[0] for text in lines]
+            lines = [text for text in lines if text != "PX0 git-branch"]  # of a build from a branch
         return " / ".join(text.strip() for text in lines if text.strip()) or "no answer"
 
     CASES[f"PX4's shell: {line}"] = play
