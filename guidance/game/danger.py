@@ -283,7 +283,7 @@ def most_in_danger(xp: Library, extent: Extent, rivals: Rivals) -> Plane:
             for corner, here in zip(corners, judged, strict=True):
                 at = corner
                 if xp.differentiates:
-                    # One for every row
+                    # A traced library needs the corner in every row
                     nothing = 0.0 * here.margin
                     at = (corner[0] + nothing, corner[1] + nothing)
                 points.append(ShapePoint(at, here.margin))
