@@ -220,6 +220,8 @@ class Px4Link:
         self._ends: list[Callable[[], object]] = []
         remote = zenoh.Locality.REMOTE
         for topic in FROM_PX4:
+            # The router then sends a number for this key, and Zenoh compares no names for each message
+            session.declare_keyexpr(self._keys[topic])
             # Any type and hash, so that another version of a message is seen and named
             keys = f"{domain_id}/fmu/out/{topic}/*/*"
             if topic in _LEAST_APART_S:

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -20,6 +21,9 @@ _REFUSED: Final = (
 
 MOST_QUERY_BYTES: Final = 65536
 """A larger query is dropped unread."""
+
+_RUNTIME: Final = "(rx: (worker_threads: 1))"
+"""ZENOH_RUNTIME: one thread reads. By default there are two, and every packet wakes both."""
 
 _MOST_MESSAGE_BYTES: Final = 1_048_576
 """A router of ours ends the link of a party that sends a larger message, before it holds the whole in memory."""
@@ -64,6 +68,8 @@ def direct_session(
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "transport": {"shared_memory": {"enabled": False}, **transport},
     }
+    # Zenoh reads it when the first session of a process opens
+    os.environ.setdefault("ZENOH_RUNTIME", _RUNTIME)
     return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
 
 
