@@ -19,9 +19,11 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.console import Console
 from rich.table import Table
@@ -52,6 +54,11 @@ MODE_FLIGHTS = ("at full speed at once, u 6 v 3", "a pilot's mode switch")
 """Flights that PX4's mock flies also as a flight mode over its own topics."""
 
 AT_A_TIME = 4
+"""In real time. A flight takes up to 0.3 of a processor: of two, six flights leave nothing to the steps beside them."""
+
+SHORT = ("pilot", "kill", "refuse")
+"""Interference that ends a flight early; such flights begin last."""
+
 LATER = 12
 """Added to the niceness of flights in virtual time, which can wait."""
 
@@ -66,6 +73,14 @@ SOON_UP_AND_DOWN = {
 
 VERDICTS = {True: "ok", False: "NO", None: "starved"}
 Tell = Callable[[Line], None]
+
+
+class Flight(NamedTuple):
+    """A flight on mocks: its folder's name, what flies it, and whether it is in virtual time."""
+
+    name: str
+    fly: Callable[[Path], list[Line]]
+    virtual: bool = False
 
 
 def on_a_url(
@@ -107,7 +122,8 @@ def _fly_cases(with_relay: "_Relays", autopilot: str, folder: Path, tell: Tell, 
     """Fly all cases; return whether the vehicle came down after each."""
     for number, case in enumerate(_chosen(autopilot, SIM_HEIGHT_M, only), start=1):
         relay = with_relay.fresh()
-        for line in fly(case, relay, folder / f"{number:02d}-{_slug(case)}", end="return"):
+        name = f"{number:02d}-{_slug(f'{case.name} {case.link}')}"
+        for line in fly(case, relay, folder / name, end="return"):
             tell(line)
         if not relay.bring_down(within_s=DOWN_WITHIN_S):
             tell(Line(autopilot, case.name, case.link, "down again", "still armed", held=False))
@@ -184,12 +200,6 @@ def _set_up(relay: Relay, folder: Path, tell: Tell) -> bool:
 
 def on_the_mock(autopilot: str, case: Case, folder: Path) -> list[Line]:
     """Fly one case on a mock of its own."""
-    vehicle = {
-        "name": "uav1",
-        "flavour": autopilot,
-        "ready_after_s": 0.5,
-        "parameters": SET_UP[autopilot] | SOON_UP_AND_DOWN[autopilot],
-    }
     try:
         with contextlib.ExitStack() as stack:
             topics = None
@@ -197,6 +207,7 @@ def on_the_mock(autopilot: str, case: Case, folder: Path) -> list[Line]:
                 with socket.create_server(("127.0.0.1", 0)) as probe:
                     topics = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
                 stack.enter_context(direct_session("router", {"listen": {"endpoints": [topics]}}))
+            vehicle = _mock(autopilot)
             fleet = stack.enter_context(running([vehicle], over=["udp"], px4_zenoh=topics))
             mode_url = None if topics is None else topics.replace("tcp/", "zenoh+tcp://")
             port = free_udp_port({"uav1": "px4"})
@@ -204,58 +215,38 @@ def on_the_mock(autopilot: str, case: Case, folder: Path) -> list[Line]:
             stack.callback(relay.close)
             return fly(case, relay, folder, end="land")
     except (GuidanceError, MockError) as error:
-        return [
-            Line(
-                autopilot,
-                case.name,
-                case.link,
-                "a flight",
-                f"{type(error).__name__}: {error}",
-                held=False,
-            )
-        ]
+        return [_not_flown(autopilot, case.name, case.link, error)]
 
 
-def beside_ground_stations(autopilot: str, folder: Path) -> list[Line]:
-    """Fly on mocks with ground stations beside guidance: as an autopilot comes, and signed, where it can sign."""
-    lines = _on_a_relayed_mock(
-        autopilot,
-        ground_station.FLIGHT,
-        lambda url, stations: ground_station.fly(autopilot, url, stations, folder),
-    )
-    if autopilot in SIGNING:
-        lines += _on_a_relayed_mock(
-            autopilot,
-            ground_station.SIGNED_FLIGHT,
-            lambda url, stations: ground_station.fly_signed(
-                autopilot, url, stations[0], folder / "signed"
-            ),
-        )
-    return lines
-
-
-def _on_a_relayed_mock(
-    autopilot: str, flight: str, fly_on: Callable[[str, Sequence[str]], list[Line]]
-) -> list[Line]:
+def beside_ground_stations(autopilot: str, flight: str, folder: Path) -> list[Line]:
     """Fly on a mock of its own, whose relay forwards between guidance's link and two ground stations."""
-    vehicle = {
+    try:
+        with running([_mock(autopilot)], over=["udp"]) as fleet:
+            client_port, *station_ports = (free_udp_port({"uav1": "px4"}) for _ in range(3))
+            stations = [f"udpin://127.0.0.1:{port}" for port in station_ports]
+            relay = Relay(fleet["uav1"].udp, client_port, station_ports=station_ports)
+            with contextlib.closing(relay):
+                if flight == ground_station.SIGNED_FLIGHT:
+                    url = stations[0]
+                    return ground_station.fly_signed(autopilot, relay.client_url, url, folder)
+                return ground_station.fly(autopilot, relay.client_url, stations, folder)
+    except (GuidanceError, MockError) as error:
+        return [_not_flown(autopilot, flight, "", error)]
+
+
+def _mock(autopilot: str) -> dict[str, object]:
+    """Return the vehicle of a fleet that is set up, takes off and lands fast."""
+    return {
         "name": "uav1",
         "flavour": autopilot,
         "ready_after_s": 0.5,
         "parameters": SET_UP[autopilot] | SOON_UP_AND_DOWN[autopilot],
     }
-    try:
-        with running([vehicle], over=["udp"]) as fleet:
-            client_port, *station_ports = (free_udp_port({"uav1": "px4"}) for _ in range(3))
-            relay = Relay(fleet["uav1"].udp, client_port, station_ports=station_ports)
-            try:
-                stations = [f"udpin://127.0.0.1:{port}" for port in station_ports]
-                return fly_on(relay.client_url, stations)
-            finally:
-                relay.close()
-    except (GuidanceError, MockError) as error:
-        words = f"{type(error).__name__}: {error}"
-        return [Line(autopilot, flight, "", "a flight", words, held=False)]
+
+
+def _not_flown(autopilot: str, flight: str, link: str, error: Exception) -> Line:
+    words = f"{type(error).__name__}: {error}"
+    return Line(autopilot, flight, link, "a flight", words, held=False)
 
 
 def _chosen(autopilot: str, height_m: float, only: str) -> list[Case]:
@@ -271,10 +262,27 @@ def _on_mocks(only: str, *, everything: bool) -> Iterator[tuple[str, Case]]:
                 yield autopilot, replace(case, link=AS_A_MODE, virtual=False)
 
 
-def _slug(case: Case) -> str:
-    return "".join(
-        letter if letter.isalnum() else "-" for letter in f"{case.name} {case.link}"
-    ).strip("-")
+def _flights(only: str, process: Executor, *, everything: bool, drawn: bool) -> Iterator[Flight]:
+    """Yield the flights on mocks; those that last longest come first, so that none of them is alone at the end."""
+    for name in (ground_station.FLIGHT, ground_station.SIGNED_FLIGHT):
+        for autopilot in AUTOPILOTS if name == ground_station.FLIGHT else SIGNING:
+            if only in name:
+                fly = partial(beside_ground_stations, autopilot, name)
+                yield Flight(f"{autopilot}-{_slug(name)}", fly)
+    chosen = sorted(
+        _on_mocks(only, everything=everything), key=lambda one: one[1].meddling in SHORT
+    )
+    for autopilot, case in chosen:
+        name = f"{autopilot}-{_slug(f'{case.name} {case.link}')}"
+        if case.virtual and not everything:
+            fly = partial(fly_in_virtual_time, case, autopilot, process=process, drawn=drawn)
+            yield Flight(name, fly, virtual=True)
+        else:
+            yield Flight(name, partial(on_the_mock, autopilot, case))
+
+
+def _slug(name: str) -> str:
+    return "".join(letter if letter.isalnum() else "-" for letter in name).strip("-")
 
 
 def _unknown(lines: Sequence[Line], starved: str) -> list[Line]:
@@ -288,23 +296,6 @@ def _unknown(lines: Sequence[Line], starved: str) -> list[Line]:
 def _tell_all(tell: Tell, lines: Sequence[Line]) -> None:
     for line in lines:
         tell(line)
-
-
-def _beside_ground_stations(folder: Path, only: str) -> list[Line]:
-    """Fly each mock beside a ground station, one after the other, and again if that did not hold."""
-    lines = list[Line]()
-    for autopilot in AUTOPILOTS if only in ground_station.FLIGHT else ():
-        for again in ("", "-again"):
-            with Waiting() as waiting:
-                flown = beside_ground_stations(
-                    autopilot, folder / f"{autopilot}-ground-station{again}"
-                )
-            if all(line.held for line in flown):
-                break
-            if starved := waiting.starved():
-                flown = _unknown(flown, starved)
-        lines += flown
-    return lines
 
 
 @contextlib.contextmanager
@@ -321,32 +312,32 @@ def favoured() -> Iterator[None]:
 
 
 def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool, drawn: bool = True) -> None:
-    """Fly on mocks, several at a time.
+    """Fly on mocks, several in real time at a time, and beside them one in virtual time.
 
     A failed flight is flown again alone at the end; if it fails again for want of a processor, it is starved.
     """
-    flights = list(_on_mocks(only, everything=everything))
 
-    def flown(autopilot: str, case: Case, again: str = "") -> list[Line]:
-        place = folder / f"{autopilot}-{_slug(case)}{again}"
-        if case.virtual and not everything:
-            return fly_in_virtual_time(case, autopilot, place, process, drawn=drawn)
+    def flown(flight: Flight) -> list[Line]:
+        return flight.fly(folder / flight.name)
+
+    def flown_again(flight: Flight) -> list[Line]:
         with Waiting() as waiting:
-            lines = on_the_mock(autopilot, case, place)
-        if again and (starved := waiting.starved()):
+            lines = flight.fly(folder / f"{flight.name}-again")
+        if not flight.virtual and (starved := waiting.starved()):
             return _unknown(lines, starved)
         return lines
 
     spawned = multiprocessing.get_context("spawn")  # a fork would copy locks of other threads
     with (
         ProcessPoolExecutor(1, spawned, os.nice, (LATER,)) as process,
-        ThreadPoolExecutor(AT_A_TIME) as pool,
+        ThreadPoolExecutor(1) as virtual,
+        ThreadPoolExecutor(AT_A_TIME) as real,
     ):
-        unsure = list[tuple[str, Case]]()
-        watched = pool.submit(_beside_ground_stations, folder, only)
-        for flight, lines in zip(
-            flights, pool.map(lambda flight: flown(*flight), flights), strict=True
-        ):
+        flights = list(_flights(only, process, everything=everything, drawn=drawn))
+        begun = [(virtual if flight.virtual else real).submit(flown, flight) for flight in flights]
+        unsure = list[Flight]()
+        for flight, future in zip(flights, begun, strict=True):
+            lines = future.result()
             wrong = next((line for line in lines if not line.held), None)
             if wrong is None:
                 _tell_all(tell, lines)
@@ -354,9 +345,8 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool, drawn: b
             unsure.append(flight)
             words = f"{wrong.wanted}, got {wrong.got}; it is flown again alone at the end"
             print(f"{wrong.autopilot}, {wrong.flight}: {words}", flush=True)
-        _tell_all(tell, watched.result())
-        for autopilot, case in unsure:
-            _tell_all(tell, flown(autopilot, case, "-again"))
+        for flight in unsure:
+            _tell_all(tell, flown_again(flight))
 
 
 def main(arguments: Sequence[str]) -> int:
