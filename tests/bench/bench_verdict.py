@@ -4,6 +4,7 @@ A verdict that has lasted for 1.5 s and the barrier event must never be followed
 captured game in which the verdict was not "pursuer" for 0.4 s before the capture is a missed win; fewer than 10 %
 may be. Ends with 1 otherwise. `--shape` chooses the target: a point, a disc, a segment, a polygon, a point or a disc
 that moves. `--pursuer` lets the vehicle play a rule on the mock instead: how many games near the barrier does it win?
+`--evader each` flies the evaders that try to break the verdict on the mock, too.
 
 `--referee` plays without the mock: a vehicle with just the guaranteed acceleration, a delay and a lag. There, the
 games are played in turn by the drawn course and by evaders that try to break the verdict (`tests.harness.evaders`);
@@ -36,6 +37,7 @@ CLOSE_S: Final = 2.0
 COURSE: Final = "course"
 WORST: Final = "worst"
 EVADERS: Final = (COURSE, *KINDS, WORST)
+EACH: Final = "each"
 RULES: Final = (
     "optimal",
     "pure_pursuit",
@@ -59,12 +61,14 @@ def judged(arguments: argparse.Namespace, number: int) -> Judged:
     """Draw and fly one game."""
     drawn = draw_game(arguments.seed, number, arguments.shape)
     drawn = drawn._replace(setup=drawn.setup._replace(policy=arguments.pursuer))
-    if not (arguments.referee or arguments.others):
-        return Judged(drawn, COURSE, fly(drawn))
-    kind = arguments.evader or EVADERS[number % len(EVADERS)]
+    by_referee = arguments.referee or arguments.others
+    kinds = EVADERS if by_referee else (COURSE, *KINDS)
+    kind = kinds[number % len(kinds)] if arguments.evader == EACH else arguments.evader
     settings = cycle_settings(drawn.setup)
     draw = Random(f"{arguments.shape}/{arguments.seed}/{number}/{kind}")
     evader = draw_evader(kind, draw, settings) if kind in KINDS else None
+    if not by_referee:
+        return Judged(drawn, kind, fly(drawn, evader))
     played = referee(drawn, evader, PERIOD_S if arguments.cycles else STEP_S)
     result = played.result
     if kind == WORST and not math.isnan(result.sustained_s):
@@ -77,8 +81,7 @@ def judged(arguments: argparse.Namespace, number: int) -> Judged:
     return Judged(drawn, kind, result, played.largest_fall_s, played.certify_s)
 
 
-def main() -> None:
-    """Fly, and print the counts."""
+def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--games", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
@@ -91,11 +94,25 @@ def main() -> None:
         action="store_true",
         help="by the referee; other evaders are also tried against each lasting claim",
     )
-    parser.add_argument("--evader", choices=EVADERS, help="by the referee; default: all in turn")
+    parser.add_argument(
+        "--evader",
+        choices=(*EVADERS, EACH),
+        help="default: by the referee all in turn, on the mock the drawn course",
+    )
     parser.add_argument("--cycles", action="store_true", help="by the referee, in steps of 20 ms")
     parser.add_argument("--pursuer", choices=RULES, default=RULES[0], help="on the mock")
     parser.add_argument("--shape", choices=tuple(SHAPES), default="point")
     arguments = parser.parse_args()
+    by_referee = arguments.referee or arguments.others
+    arguments.evader = arguments.evader or (EACH if by_referee else COURSE)
+    if arguments.evader == WORST and not by_referee:
+        parser.error(f"--evader {WORST} is searched by the referee; add --referee")
+    return arguments
+
+
+def main() -> None:
+    """Fly, and print the counts."""
+    arguments = _arguments()
     ends = Counter[str]()
     wrong = Counter[str]()
     events = 0

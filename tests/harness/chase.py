@@ -32,6 +32,8 @@ VELOCITY_SD_M_S = 0.03
 SETTLED_S = 2.0
 LONGEST_S = 90.0
 
+_FAR_S = 60.0
+
 HOVER_S = 6.0
 """Time between the climb and the chase, as with an operator; PX4 overestimates the hover thrust after a climb."""
 ORDERS = {State.READY: (Event.START,), State.STANDING_BY: (Event.ENGAGE,)}
@@ -101,6 +103,13 @@ class Runner:
         self.place_m = (north, east)
         self.silent = False
         self._random.seed(seed)
+
+    def run(self, velocity_m_s: tuple[float, float]) -> None:
+        """Run with a velocity, north and east, from now on; at its largest speed at most."""
+        north, east = velocity_m_s
+        self.share = min(1.0, math.hypot(north, east) / self.speed_m_s)
+        if self.share > 0.0:
+            self.goal_m = (self.place_m[0] + _FAR_S * north, self.place_m[1] + _FAR_S * east)
 
     def advance(self, now_s: float, pursuer_m: tuple[float, float], *, running: bool) -> None:
         """Move to the present time and report."""
@@ -313,6 +322,14 @@ class Chase(Sortie):
         """Time since engagement; NaN before."""
         return self.now_s - self._engaged_s
 
+    @property
+    def truth(self) -> tuple[tuple[float, float, float], tuple[float, float]]:
+        """True NED position from the site's point, and true ground velocity; the mock's origin is its start."""
+        body = self.vehicle.truth
+        east, north, _ = self._scenario.pursuer.position_m
+        place = body.position_ned_m
+        return (place[0] + north, place[1] + east, place[2]), body.velocity_ned_m_s[:2]
+
     def fly(self, *, station_s: float = 8.0, longest_s: float = LONGEST_S) -> Chased:
         """Fly until `station_s` after the capture, but at most `longest_s` after engagement."""
         self.run(
@@ -325,7 +342,7 @@ class Chase(Sortie):
         """Step the vehicle and the runner."""
         for frame in self.vehicle.step(self.now_s, [frame for _, frame in self._end.receive()]):
             self._end.send(frame)
-        (north, east, _), _ = _truth(self.vehicle, self._scenario)
+        (north, east, _), _ = self.truth
         self.runner.advance(self.now_s, (north, east), running=self.since_s > 0.0)
 
     def act(self, _orders: Sequence[Event]) -> Outputs:
@@ -351,7 +368,7 @@ class Chase(Sortie):
         return outputs
 
     def _note(self, certificate: Certificate, setpoint: Setpoint) -> None:
-        (north, east, down), speed = _truth(self.vehicle, self._scenario)
+        (north, east, down), speed = self.truth
         gap_m = math.dist((north, east), self.runner.place_m) - self._disc.radius_m
         slip_m_s = math.dist(speed, self.runner.velocity_m_s)
         self.chased.note(self.since_s, certificate, gap_m, -down - self._disc.height_m, slip_m_s)
@@ -377,16 +394,6 @@ def _vehicle(scenario: Scenario) -> MockVehicle:
         parameters=vertical if pursuer.autopilot == "px4" else None,
         ready_after_s=1.0,
     )
-
-
-def _truth(
-    vehicle: MockVehicle, scenario: Scenario
-) -> tuple[tuple[float, float, float], tuple[float, float]]:
-    """Return true position relative to the site's point and true ground velocity; the mock's origin is its start."""
-    body = vehicle.truth
-    east, north, _ = scenario.pursuer.position_m
-    place = body.position_ned_m
-    return (place[0] + north, place[1] + east, place[2]), body.velocity_ned_m_s[:2]
 
 
 def altered(

@@ -10,10 +10,11 @@ from functools import lru_cache
 from random import Random
 from typing import Final
 
-from guidance.cycle import Certified, CycleSettings
+from guidance.cycle import CycleSettings
+from guidance.frames import Enu
 from guidance.game import Extent
-from tests.harness.guarded import Point
-from tests.harness.referee import Evader, Played, Referee, State, play_out, towards
+from tests.harness.guarded import Evader, GameState, Point
+from tests.harness.referee import Played, Referee, play_out, towards
 
 _SPACING_M: Final = 3.0
 _FEWEST: Final = 8
@@ -23,7 +24,7 @@ _ABOUT_S: Final = 0.6
 _BEGINNINGS: Final = 3
 _SEARCH_ROUNDS: Final = 2
 
-Heading = Callable[[State, float], Point]
+Heading = Callable[[GameState, float], Point]
 """What an evader does before it runs: its velocity over its speed, from the state and the time."""
 
 
@@ -41,21 +42,21 @@ def evader_that(
     speed_m_s = float(settings.game.evader_speed_m_s)
     goals_m: list[Point] = []
 
-    def velocity(game: Referee, _certified: Certified) -> Point:
+    def velocity(state: GameState, now_s: float, _meeting_m: Enu) -> Point:
         if not goals_m:
-            largest_s, goal_m = best_goal(game.state, settings)
-            if largest_s >= lead_s or game.now_s >= runs_at_s:
+            largest_s, goal_m = best_goal(state, settings)
+            if largest_s >= lead_s or now_s >= runs_at_s:
                 goals_m.append(goal_m)
             else:
-                x, y = before(game.state, game.now_s)
+                x, y = before(state, now_s)
                 pace = speed_m_s / max(1.0, math.hypot(x, y))
                 return (pace * x, pace * y)
-        return towards(game.state, goals_m[0], speed_m_s, settings.game.target_velocity_m_s)
+        return towards(state, goals_m[0], speed_m_s, settings.game.target_velocity_m_s)
 
     return velocity
 
 
-def best_goal(state: State, settings: CycleSettings) -> tuple[float, Point]:
+def best_goal(state: GameState, settings: CycleSettings) -> tuple[float, Point]:
     """Return the largest lead of the evader over the vehicle at a point of the outline, s, and that point."""
     game = settings.game
     u = float(game.pursuer.horizontal_m_s)
@@ -86,7 +87,7 @@ def _circling(draw: Random, settings: CycleSettings) -> Heading:
         radius_m = max(radius_m, size_m + 1.0)
     sense = draw.choice((-1.0, 1.0))
 
-    def heading(state: State, _now_s: float) -> Point:
+    def heading(state: GameState, _now_s: float) -> Point:
         target_m = state.target_m or (math.nan, math.nan, math.nan)
         x = state.evader_m[0] - target_m[0] - centre[0]
         y = state.evader_m[1] - target_m[1] - centre[1]
@@ -105,7 +106,7 @@ def _crossing(draw: Random, settings: CycleSettings) -> Heading:
     """Run to a drawn point of the outline; the late turn is the run after it."""
     goal_m = draw.choice(outline(settings.game.target_extent))
 
-    def heading(state: State, _now_s: float) -> Point:
+    def heading(state: GameState, _now_s: float) -> Point:
         return towards(state, goal_m, 1.0, (0.0, 0.0))
 
     return heading
@@ -116,7 +117,7 @@ def _stopping(draw: Random, settings: CycleSettings) -> Heading:
     go_s = draw.uniform(0.5, 3.0)
     stand_s = draw.uniform(0.3, 3.0)
 
-    def heading(state: State, now_s: float) -> Point:
+    def heading(state: GameState, now_s: float) -> Point:
         if now_s % (go_s + stand_s) > go_s:
             return (0.0, 0.0)
         return towards(state, best_goal(state, settings)[1], 1.0, (0.0, 0.0))
@@ -128,7 +129,7 @@ def _copying(draw: Random, _settings: CycleSettings) -> Heading:
     """Fly the vehicle's heading, or the opposite one."""
     sign = draw.choice((1.0, 1.0, -1.0))
 
-    def heading(state: State, _now_s: float) -> Point:
+    def heading(state: GameState, _now_s: float) -> Point:
         x, y, _ = state.pursuer_m_s
         size = math.hypot(x, y)
         return (sign * x / size, sign * y / size) if size > 0.3 else (0.0, 0.0)
@@ -140,7 +141,7 @@ def _charging(draw: Random, _settings: CycleSettings) -> Heading:
     """Run at the vehicle, up to 0.6 rad beside it."""
     off = draw.uniform(-0.6, 0.6)
 
-    def heading(state: State, _now_s: float) -> Point:
+    def heading(state: GameState, _now_s: float) -> Point:
         x = state.pursuer_m[0] - state.evader_m[0]
         y = state.pursuer_m[1] - state.evader_m[1]
         bearing = math.atan2(y, x) + off
@@ -176,7 +177,7 @@ def searched_worst(claimed: Referee, settings: CycleSettings, draw: Random) -> P
         first, first_s, second, second_s = plan
         begins_s = claimed.now_s
 
-        def heading(_state: State, now_s: float) -> Point:
+        def heading(_state: GameState, now_s: float) -> Point:
             bearing = first if now_s < begins_s + first_s else second
             return (math.cos(bearing), math.sin(bearing))
 

@@ -7,7 +7,7 @@ The flight to each start is flown once and copied for every game.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from random import Random
@@ -16,6 +16,7 @@ from typing import NamedTuple
 from guidance.cycle import Certificate, CycleSettings, Violation
 from guidance.cycle.monitor import GUARDED_S, LASTING_S
 from guidance.flight import Event, FlightSettings, Outputs, State
+from guidance.frames import Enu
 from guidance.game import Extent, Winner, solve_state
 from guidance.game.arrays import FLOATS
 from guidance.game.extent import to_set
@@ -67,6 +68,20 @@ SHAPES: Mapping[str, tuple[Aim, ...]] = {
     ),
 }
 """Targets of the games, by the name of a kind."""
+
+
+class GameState(NamedTuple):
+    """Positions and velocities of a vehicle and an evader, game frame, m and m/s."""
+
+    pursuer_m: Enu
+    pursuer_m_s: Enu
+    evader_m: Enu
+    evader_m_s: Enu
+    target_m: Enu | None
+
+
+Evader = Callable[[GameState, float, Enu], Point]
+"""An evader: its velocity, x and y, from the game's state, the time, and where the ideal game ends."""
 
 
 class Setup(NamedTuple):
@@ -266,9 +281,10 @@ def _moved(settings: FlightSettings, aim: Aim) -> FlightSettings:
 
 
 class _Game(Chase):
-    """A game that is engaged on demand; its evader runs through places, or optimally if there are none."""
+    """A game that is engaged on demand; its evader is given, or it runs through places, or optimally without any."""
 
     engaging = False
+    evader: Evader | None = None
     course_m: Sequence[Point] = ()
     target_m_s: Point = (0.0, 0.0)
 
@@ -280,6 +296,12 @@ class _Game(Chase):
         outputs: Outputs = self.pilot.run(self.now_s, orders.get(self.state, ()))
         if outputs.certificate is not None and math.isnan(self._engaged_s):
             self._engaged_s = self.now_s
+        if self.evader is not None:
+            if outputs.certificate is not None:
+                meeting_m = outputs.certificate.meeting_point_game_m
+                x_m_s, y_m_s = self.evader(self._state(), self.since_s, meeting_m)
+                self.runner.run((y_m_s, x_m_s))
+            return outputs
         north_m, east_m = self.runner.place_m
         while len(self.course_m) > 1 and math.dist(self.course_m[0], (east_m, north_m)) < 0.2:
             self.course_m = self.course_m[1:]
@@ -289,6 +311,19 @@ class _Game(Chase):
             east_m, north_m, _ = outputs.certificate.meeting_point_game_m
             self.runner.goal_m = (north_m, east_m)
         return outputs
+
+    def _state(self) -> GameState:
+        (north_m, east_m, down_m), (north_m_s, east_m_s) = self.truth
+        evader_north_m, evader_east_m = self.runner.place_m
+        evader_north_m_s, evader_east_m_s = self.runner.velocity_m_s
+        target_x_m, target_y_m = (part * self.since_s for part in self.target_m_s)
+        return GameState(
+            Enu((east_m, north_m, -down_m)),
+            Enu((east_m_s, north_m_s, 0.0)),
+            Enu((evader_east_m, evader_north_m, 0.0)),
+            Enu((evader_east_m_s, evader_north_m_s, 0.0)),
+            Enu((target_x_m, target_y_m, 0.0)),
+        )
 
     def _goal(self, here_m: Point) -> Point:
         """Return the next place, north and east; the last one is met where it will be."""
@@ -319,12 +354,13 @@ def _hover(setup: Setup) -> _Game:
     return game.run(SETTLED_S)
 
 
-def fly(drawn: Drawn) -> Guarded:
-    """Fly a game to its end."""
+def fly(drawn: Drawn, evader: Evader | None = None) -> Guarded:
+    """Fly a game to its end, against its own evader or another one."""
     game = _HOVERING(drawn.setup, lambda: _hover(drawn.setup), Chase.history)
     game.vehicle.inject("wind_m_s", (*drawn.wind_m_s, 0.0))
     game.runner.begin(drawn.evader_m, seed=drawn.number)
     game.course_m = drawn.course_m
+    game.evader = evader
     game.run(HEARD_S)
     game.engaging = True
     end = "undecided"

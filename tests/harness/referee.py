@@ -1,13 +1,13 @@
 """Plays the games of `tests.harness.guarded` without autopilot, links and noise: fifty times faster than in the mock.
 
 The vehicle has just the acceleration that its autopilot's description guarantees, behind a delay and a lag. It flies
-what the certificate of each step says, and brakes at the disc. The evader is any function of the game (`Evader`).
+what the certificate of each step says, and brakes at the disc. The evader is any function of the state (`Evader`).
 """
 
 import copy
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import process_time
 from typing import Final, NamedTuple
 
@@ -19,22 +19,20 @@ from guidance.frames import Enu, game_from_ned, ned_from_game
 from guidance.game import Extent, Winner
 from guidance.game.arrays import FLOATS
 from guidance.game.meeting_times import catch_in_ball
-from tests.harness.guarded import LONGEST_S, Drawn, Guarded, Point, cycle_settings
+from tests.harness.guarded import (
+    LONGEST_S,
+    Drawn,
+    Evader,
+    GameState,
+    Guarded,
+    Point,
+    cycle_settings,
+)
 
 STEP_S: Final = 0.1
 DELAY_S: Final = 0.1
 LAG_S: Final = 0.3
 AGE_S: Final = 0.05
-
-
-class State(NamedTuple):
-    """Positions and velocities of a vehicle and an evader, game frame, m and m/s."""
-
-    pursuer_m: Enu
-    pursuer_m_s: Enu
-    evader_m: Enu
-    evader_m_s: Enu
-    target_m: Enu | None
 
 
 class Referee:
@@ -58,7 +56,7 @@ class Referee:
         self._shown_m_s = 0.0
         still = Enu((0.0, 0.0, 0.0))
         self.commands = deque([still] * round(DELAY_S / step_s))
-        self.state = State(
+        self.state = GameState(
             Enu(pursuer_m), still, Enu((*evader_m, 0.0)), still, settings.target_game_m
         )
 
@@ -116,7 +114,7 @@ class Referee:
         if target_m is not None:
             target_m += Enu((*self._settings.game.target_velocity_m_s, 0.0)) * self.step_s
         evader_3d_m_s = Enu((*evader_m_s, 0.0))
-        self.state = State(
+        self.state = GameState(
             state.pursuer_m + velocity_m_s * self.step_s,
             velocity_m_s,
             state.evader_m + evader_3d_m_s * self.step_s,
@@ -142,10 +140,6 @@ class Referee:
         return Enu((x_m_s + x, y_m_s + y, z_m_s + min(steep, max(-steep, z))))
 
 
-Evader = Callable[[Referee, Certified], Point]
-"""An evader: its velocity for the next step, x and y, from the game and what the vehicle's certificate says."""
-
-
 class Played(NamedTuple):
     """The result of a game.
 
@@ -168,7 +162,7 @@ def referee(drawn: Drawn, evader: Evader | None = None, step_s: float = STEP_S) 
     """Play a drawn game to its end, against its own evader or another one."""
     settings = cycle_settings(drawn.setup)
     game = Referee(settings, Enu(drawn.setup.start_m), drawn.evader_m, step_s)
-    return play_out(game, evader or on_course(drawn, drawn.course_m))
+    return play_out(game, evader or on_course(drawn, drawn.course_m, step_s))
 
 
 def play_out(game: Referee, evader: Evader) -> Played:
@@ -204,34 +198,35 @@ def play_out(game: Referee, evader: Evader) -> Played:
         if math.isnan(sustained_s) and game.now_s - since_s >= GUARDED_S:
             sustained_s = game.now_s
         if end == "undecided":
-            game.step(evader(game, certified))
+            meeting_m = Enu(certified.solution.meeting_point_m)
+            game.step(evader(game.state, game.now_s, meeting_m))
     result = Guarded(end, game.now_s, margin_s, claimed_s, sustained_s, sustained_s)
     target_m = game.state.target_m or Enu((math.nan, math.nan, math.nan))
     final_m = game.target_extent.distance_m(target_m, game.state.evader_m)
     return Played(result, states, fall_s, spent_s / len(states), final_m)
 
 
-def on_course(drawn: Drawn, course_m: Sequence[Point]) -> Evader:
+def on_course(drawn: Drawn, course_m: Sequence[Point], step_s: float) -> Evader:
     """Return an evader that runs through places, the last one a point of the target; without any, optimally."""
     course = list(course_m)
     speed_m_s = float(cycle_settings(drawn.setup).game.evader_speed_m_s)
     target_m_s = drawn.setup.aim.velocity_m_s
 
-    def velocity(game: Referee, certified: Certified) -> Point:
-        here = game.state.evader_m[:2]
+    def velocity(state: GameState, _now_s: float, meeting_m: Enu) -> Point:
+        here = state.evader_m[:2]
         while len(course) > 1 and math.dist(course[0], here) < 0.2:
             del course[0]
         if len(course) == 1:
-            return towards(game.state, course[0], speed_m_s, target_m_s)
-        east_m, north_m = course[0] if course else certified.solution.meeting_point_m[:2]
+            return towards(state, course[0], speed_m_s, target_m_s)
+        east_m, north_m = course[0] if course else meeting_m[:2]
         away_m = math.dist((east_m, north_m), here)
-        pace = min(speed_m_s, away_m / game.step_s) / away_m if away_m > 0.0 else 0.0
+        pace = min(speed_m_s, away_m / step_s) / away_m if away_m > 0.0 else 0.0
         return (pace * (east_m - here[0]), pace * (north_m - here[1]))
 
     return velocity
 
 
-def towards(state: State, goal_m: Point, speed_m_s: float, target_m_s: Point) -> Point:
+def towards(state: GameState, goal_m: Point, speed_m_s: float, target_m_s: Point) -> Point:
     """Return the velocity to a point that moves with the target, given from the target's position; none when there."""
     x_m, y_m, _ = state.evader_m
     target_m = state.target_m or Enu((math.nan, math.nan, math.nan))

@@ -11,8 +11,8 @@ from random import Random
 from typing import Final
 
 from tests.harness.evaders import KINDS, draw_evader, outline
-from tests.harness.guarded import Drawn, cycle_settings
-from tests.harness.referee import Evader, Played, Referee, on_course, play_out
+from tests.harness.guarded import Drawn, Evader, cycle_settings
+from tests.harness.referee import Played, Referee, on_course, play_out
 
 BEFORE_S: Final = (0.5, 1.0, 2.0, 3.5, 5.0, 8.0)
 """Times before the capture whose states are tried; a verdict has to last for 0.4 s before it."""
@@ -65,10 +65,10 @@ def _evaders(drawn: Drawn, state: Referee) -> Iterator[Evader]:
         run_m = speed_m_s * draw.uniform(0.3, 2.5)
         heading = draw.uniform(-math.pi, math.pi)
         feint_m = (x_m + run_m * math.sin(heading), y_m + run_m * math.cos(heading))
-        yield on_course(drawn, [feint_m, draw.choice(nearest)])
+        yield on_course(drawn, [feint_m, draw.choice(nearest)], state.step_s)
     for kind in KINDS:
         for _ in range(OF_EACH_KIND):
             yield draw_evader(kind, draw, settings, state.now_s)
-    yield on_course(drawn, [])
+    yield on_course(drawn, [], state.step_s)
     for point in nearest:
-        yield on_course(drawn, [point])
+        yield on_course(drawn, [point], state.step_s)
