@@ -44,6 +44,7 @@ def certified(
     vehicle=FULL,
     target_m=TARGET,
     age_s=0.0,
+    bound_for_m_s=None,
 ):
     return played(
         pursuer_m,
@@ -53,15 +54,31 @@ def certified(
         vehicle=vehicle,
         target_m=target_m,
         age_s=age_s,
+        bound_for_m_s=bound_for_m_s,
     ).certificate
 
 
 def played(
-    pursuer_m, pursuer_m_s, evader_m, evader_m_s, *, vehicle=FULL, target_m=TARGET, age_s=0.0
+    pursuer_m,
+    pursuer_m_s,
+    evader_m,
+    evader_m_s,
+    *,
+    vehicle=FULL,
+    target_m=TARGET,
+    age_s=0.0,
+    bound_for_m_s=None,
 ):
     gaps = gaps_to_disc(ned_from_game(Enu(pursuer_m)), ned_from_game(Enu(evader_m)), GAME.standoff)
     players = Players(
-        Enu(pursuer_m), Enu(pursuer_m_s), Enu(evader_m), Enu(evader_m_s), target_m, gaps, age_s
+        Enu(pursuer_m),
+        Enu(pursuer_m_s),
+        Enu(evader_m),
+        Enu(evader_m_s),
+        target_m,
+        gaps,
+        age_s,
+        bound_for_m_s,
     )
     return certify(GAME, players, vehicle, None)
 
@@ -75,13 +92,21 @@ def test_the_vehicle_never_does_better_than_the_ideal_pursuer(x, y, z, e_x, e_y,
         assert says.winner == Winner.PURSUER
 
 
-def test_at_full_speed_only_reacting_braking_and_doubt_are_subtracted():
-    # Both run along x, the evader to the target at 0. The vehicle flies on for its reaction time and then brakes before
-    # the evader's disc as its approach does. That takes longer than to be slow enough there to stop above the target.
-    says = certified((-60.0, 0.0, 5.0), (6.0, 0.0, 0.0), (-50.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+@pytest.mark.parametrize("flown_m_s", [6.0, 4.0])
+def test_at_full_speed_only_reacting_braking_and_doubt_are_subtracted(flown_m_s):
+    # Both run along x, the evader to the target at 0. In its reaction time the vehicle comes to the 6 m/s that it was
+    # commanded to fly. Then it brakes before the evader's disc as its approach does. That takes longer than to be slow
+    # enough there to stop above the target.
+    says = certified(
+        (-60.0, 0.0, 5.0),
+        (flown_m_s, 0.0, 0.0),
+        (-50.0, 0.0, 0.0),
+        (3.0, 0.0, 0.0),
+        bound_for_m_s=Enu((6.0, 0.0, 0.0)),
+    )
     lag_s = APPROACH.lag_s + APPROACH.settle_s
     rest_m = -3.0 - APPROACH.margin_m
-    place_m = -60.0 + 6.0 * ENVELOPE.reaction_s
+    place_m = -60.0 + 0.5 * (flown_m_s + 6.0) * ENVELOPE.reaction_s
     time_s = 0.0
     step_s = 1e-3
     while place_m < -3.0 - FULL.tolerance_m:

@@ -16,6 +16,9 @@ PASSED_BELOW = [(3, 179), (3, 359), (3, 703), (5, 717), (6, 79)]
 FLOWN_PAST = [(7, 721)]
 """The evader runs away and turns when the vehicle, at full speed and 1.5 m too high, needs 2.5 s to turn with it."""
 
+COMES_STRAIGHT_AT_IT = [("disc", 95), ("moving disc", 23), ("moving disc", 59), ("moving disc", 83)]
+"""The evader comes straight at the vehicle, so the worst ways to a wide target are one on each side."""
+
 
 @pytest.mark.parametrize(("seed", "number"), [*FLIGHTS, *PASSED_BELOW, *FLOWN_PAST])
 def test_an_evader_that_cannot_reach_its_target_does_not_arrive(seed, number):
@@ -24,3 +27,12 @@ def test_an_evader_that_cannot_reach_its_target_does_not_arrive(seed, number):
     if game.end == "arrived":
         assert math.isnan(game.claimed_s)
         assert math.isnan(game.reported_s)
+
+
+@pytest.mark.parametrize(("shape", "number"), COMES_STRAIGHT_AT_IT)
+def test_a_claim_at_a_wide_target_is_kept_against_an_evader_that_comes_straight_at_the_vehicle(
+    shape, number
+):
+    game = fly(draw_game(20411, number, shape))
+    assert game.sustained_s < game.end_s
+    assert game.end == "captured"

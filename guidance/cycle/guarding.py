@@ -4,13 +4,15 @@ An evader that runs straight to a point X of the target is at a place Y of this 
 slack at Y is that time less its own time to Y. Its slack on the way is the largest one of all Y: there it can wait for
 the evader with the most time to spare. The margin is the smallest slack of the ways to the points of the target's edge.
 Minima and maxima of continuous functions are continuous, so the margin is a continuous function of both players'
-positions and of the vehicle's velocity: it has no meeting that can be lost from one cycle to the next.
+positions, of the vehicle's velocity and of what it was commanded: it has no meeting that can be lost from one cycle to
+the next.
 
-**The vehicle's time.** After a reaction time the vehicle accelerates from its present velocity to the one towards Y
-(`guidance.cycle.players.late_start`). It brakes before the rim of the disc about an evader at Y as its approach does:
-to rest, or to the evader's velocity if that runs away from it (`guidance.control.arrival`). Its time is the larger one
-of this and of the time to the disc's height. It is at least the time of its change of velocity, because a vehicle that
-is too fast to stop at a place passes it.
+**The vehicle's time.** In its reaction time the vehicle comes to the velocity that it is bound for by the commands sent
+so far. Then it accelerates to the one towards Y (`guidance.cycle.players.late_start`). Without the first step the play
+would answer a motion that is about to end, and the vehicle would swing from one side to the other. The vehicle brakes
+before the rim of the disc about an evader at Y as its approach does: to rest, or to the evader's velocity if that runs
+away from it (`guidance.control.arrival`). Its time is the larger one of this and of the time to the disc's height. It
+is at least the time of its change of velocity, because a vehicle that is too fast to stop at a place passes it.
 
 **One point.** A vehicle above a point guards everything within the disc's radius. If the target is no wider than that,
 the only place that counts is X itself, and the vehicle has to be slow enough at the rim of the disc about X to stop
@@ -75,8 +77,8 @@ class _Race(NamedTuple):
     """Both players over the ground, relative to the target, and the vehicle's performance.
 
     Attributes:
-        pursuer_m: Position of the vehicle.
-        pursuer_m_s: Its velocity.
+        pursuer_m: From where it would be bound for its velocity all the time.
+        pursuer_m_s: The velocity that it is bound for.
         evader_m: Position of the evader.
         target_m_s: Velocity of the target over the ground.
         speed_m_s: Speed of the vehicle over the ground.
@@ -109,7 +111,7 @@ def guard(
     *,
     descends_at_once: bool = False,
 ) -> Guard:
-    """Return the flight to the target of a vehicle that first flies on at its present velocity.
+    """Return the flight to the target of a vehicle that first flies on at the velocity that it is bound for.
 
     Args:
         game: The game.
@@ -117,8 +119,7 @@ def guard(
         solution: Solution of the game.
         players: Positions and velocities.
         vehicle: Description of the vehicle.
-        flies_on_s: Time at the present velocity before the vehicle turns: its reaction time, or more for a play that
-            looks further ahead.
+        flies_on_s: Time before the vehicle turns: its reaction time, or more for a play that looks further ahead.
         descends_at_once: Whether it descends in this time. The verdict counts that; the play is more cautious.
     """
     race = _race(shown, players, vehicle, flies_on_s)
@@ -169,9 +170,16 @@ def _race(shown: Game, players: Players, vehicle: Capability, flies_on_s: float)
     """Return both players over the ground, relative to the target."""
     target_m = np.array((NOWHERE if players.target_m is None else players.target_m)[:2])
     target_m_s = np.array(shown.target_velocity_m_s)
+    pursuer_m = np.array(players.pursuer_m[:2])
+    pursuer_m_s = np.array(players.pursuer_m_s[:2])
+    if players.bound_for_m_s is not None:
+        # It gets there evenly in its reaction time: as with it from the beginning, from a place further back.
+        bound_for_m_s = np.array(players.bound_for_m_s[:2])
+        pursuer_m -= (bound_for_m_s - pursuer_m_s) * (0.5 * vehicle.envelope.reaction_s)
+        pursuer_m_s = bound_for_m_s
     return _Race(
-        np.array(players.pursuer_m[:2]) - target_m,
-        np.array(players.pursuer_m_s[:2]) - target_m_s,
+        pursuer_m - target_m,
+        pursuer_m_s - target_m_s,
         np.array(players.evader_m[:2]) - target_m,
         target_m_s,
         shown.pursuer.horizontal_m_s,

@@ -13,7 +13,8 @@ NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
 class Players(NamedTuple):
     """Positions in the game frame, m, velocities, m/s, distances to the disc, and the age of the evader's last report.
 
-    `target_m` is T of the TAD game, None in PE.
+    `target_m` is T of the TAD game, None in PE. `bound_for_m_s` is the velocity that the pursuer will have when the
+    commands that were sent so far have taken effect; None for its present velocity.
     """
 
     pursuer_m: Enu
@@ -23,6 +24,7 @@ class Players(NamedTuple):
     target_m: Enu | None
     gaps: Gaps
     evader_age_s: float
+    bound_for_m_s: Enu | None = None
 
 
 class Capability(NamedTuple):

@@ -19,6 +19,7 @@ from guidance.control.follow import (
     gaps_to_disc,
     observe_drift,
 )
+from guidance.control.limits import Agility
 from guidance.control.polygon import Point
 from guidance.control.servo import (
     AltitudeHold,
@@ -39,7 +40,7 @@ from guidance.cycle.circling import Circling
 from guidance.cycle.players import Capability, Players
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
-from guidance.frames import STILL, Enu, GameFrame, Ned, Place, ned_from_game
+from guidance.frames import STILL, Enu, GameFrame, Ned, Place, game_from_ned, ned_from_game
 from guidance.game import Game, Reason, guaranteed_age_s
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
@@ -137,7 +138,16 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     if target_m is not None:
         east_m_s, north_m_s = settings.game.target_velocity_m_s
         target_m += Enu((east_m_s, north_m_s, 0.0)) * memory.policy.played_s
-    players = Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m, gaps, evader.age_s)
+    players = Players(
+        pursuer_m,
+        pursuer_m_s,
+        evader_m,
+        evader_m_s,
+        target_m,
+        gaps,
+        evader.age_s,
+        _bound_for(memory.limits, settings.handling.servo or settings.envelope),
+    )
 
     try:
         played = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
@@ -186,6 +196,15 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         circling=certified.circling,
     )
     return CycleOutput(limited.setpoint, certificate, kept)
+
+
+def _bound_for(sent: LimitMemory | None, agility: Agility) -> Enu | None:
+    """Return the velocity that the setpoints come to while their acceleration ends, in the game frame."""
+    if sent is None:
+        return None
+    gained = sent.acceleration_ned_m_s2
+    ends_in_s = math.hypot(gained.north, gained.east) / agility.jerk_m_s3
+    return game_from_ned(sent.velocity_ned_m_s + gained * (0.5 * ends_in_s))
 
 
 class GamePlayed(NamedTuple):
