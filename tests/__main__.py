@@ -42,6 +42,9 @@ SHORT = "not costly and not slow and not flight and not arrays and not long"
 BESIDE = ("-n", "auto", "--dist", "loadfile")
 """How many workers there are is decided in conftest.py."""
 
+GIVES_WAY = 10
+"""The niceness of steps that compute beside those in real time."""
+
 PASSED = "passed"
 FAILED = "failed"
 STARVED = "starved"
@@ -152,18 +155,18 @@ LONGER = {
         environment=(
             ("NO_MKDOCS_2_WARNING", "1"),
         ),  # suppresses a notice that the theme prints at every start
-        nice=2,
+        nice=GIVES_WAY,
     ),
     "arrays": Step(
         "the games on PyTorch and JAX, in an environment that has both",
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
-        nice=2,
+        nice=GIVES_WAY,
     ),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
         (*PYTEST, *BESIDE, "-m", "(flight or costly) and not slow and not long and not arrays"),
         marked="flight",
-        nice=10,
+        nice=GIVES_WAY,
     ),
     # Tests with real clients mostly wait.
     "real time": Step(
@@ -189,14 +192,14 @@ LONGER = {
         "flights with faults, checked against the mock's true state (docs/faults.md)",
         (sys.executable, "-m", "tests.faults", "--jobs", "1"),
         arguments="--flights 1000 --seed 7",
-        nice=2,
+        nice=GIVES_WAY,
     ),
 }
 """What `all` runs beside them."""
 
 LANES_OF_ALL = (
-    ("tests",),
-    ("types", "docs", "arrays", "faults", "flights"),
+    ("tests", "types", "docs", "arrays", "faults"),
+    ("flights",),
     ("real time", "acceptance"),
 )
 

@@ -19,7 +19,7 @@ from hypothesis import Phase, settings
 
 from guidance.errors import ConfigError
 from guidance.extras import EXTRAS
-from tests.__main__ import costly
+from tests.__main__ import GIVES_WAY, costly
 from tests.harness.examples import PROFILE, drawn
 from tests.harness.starved import Waiting
 
@@ -62,16 +62,21 @@ def pytest_collection():
 def pytest_xdist_auto_num_workers():
     """Return a worker for each core, and more on a busy machine, where they get a larger share of it.
 
-    Threads that compute now are counted, because the load average still knows what has just ended.
+    Threads that compute now are counted, because the load average still knows what has just ended. A step that gives
+    way wants no larger share, and each worker collects the tests again; one more computes while another one waits.
     """
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
+    if os.nice(0) >= GIVES_WAY:
+        return cores + 1
     others = []
     for _ in range(9):
         with contextlib.suppress(OSError):  # there is no such file outside Linux
             computing = Path("/proc/loadavg").read_text().split()[3].partition("/")[0]
             others.append(int(computing) - 1)
         time.sleep(0.05)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return (cores or 1) + min(4, median_low(others or [0]))
+    return cores + min(4, median_low(others or [0]))
 
 
 def pytest_collection_modifyitems(items):
