@@ -225,7 +225,9 @@ def _start(
             stderr=errors,
             text=True,
             encoding="utf-8",
-            start_new_session=True,  # Ctrl-C is for the parent: the child ends when its standard input closes
+            # Ctrl-C is for the parent: the child ends when its standard input closes. In a session of its own, its
+            # priority would count for nothing outside that session (Linux, sched(7): autogroup).
+            process_group=0,
         )
 
 
