@@ -160,7 +160,9 @@ def test_a_team_is_on_one_page_and_one_button_holds_all(browser, tmp_path):
         print("no chromium here: the page was checked for its structure only")
         return
     command = [GUIDANCE, "fly", low_guard_in(tmp_path), "--out", tmp_path / "guard"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as flight:
+    with contextlib.ExitStack() as closing:
+        flight = closing.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+        closing.callback(flight.send_signal, signal.SIGINT)
         url = next(line.split()[1] for line in flight.stdout if line.startswith("panel"))
         page = browser.new_page()
         page.set_viewport_size({"width": 390, "height": 844})
@@ -180,7 +182,6 @@ def test_a_team_is_on_one_page_and_one_button_holds_all(browser, tmp_path):
         answered(page, "ALL 3 · ENGAGE: accepted")
         vehicles.nth(2).wait_for()
         assert browser.said == []
-        flight.send_signal(signal.SIGINT)
 
 
 @pytest.mark.slow
