@@ -77,7 +77,7 @@ class _Race(NamedTuple):
     """Both players over the ground, relative to the target, and the vehicle's performance.
 
     Attributes:
-        pursuer_m: From where it would be bound for its velocity all the time.
+        pursuer_m: Where the vehicle is, less what it loses until it has its velocity.
         pursuer_m_s: The velocity that it is bound for.
         evader_m: Position of the evader.
         target_m_s: Velocity of the target over the ground.
@@ -173,7 +173,7 @@ def _race(shown: Game, players: Players, vehicle: Capability, flies_on_s: float)
     pursuer_m = np.array(players.pursuer_m[:2])
     pursuer_m_s = np.array(players.pursuer_m_s[:2])
     if players.bound_for_m_s is not None:
-        # It gets there evenly in its reaction time: as with it from the beginning, from a place further back.
+        # It gains this velocity evenly in its reaction time, and loses half of what it would fly meanwhile.
         bound_for_m_s = np.array(players.bound_for_m_s[:2])
         pursuer_m -= (bound_for_m_s - pursuer_m_s) * (0.5 * vehicle.envelope.reaction_s)
         pursuer_m_s = bound_for_m_s

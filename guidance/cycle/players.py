@@ -13,8 +13,8 @@ NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
 class Players(NamedTuple):
     """Positions in the game frame, m, velocities, m/s, distances to the disc, and the age of the evader's last report.
 
-    `target_m` is T of the TAD game, None in PE. `bound_for_m_s` is the velocity that the pursuer will have when the
-    commands that were sent so far have taken effect; None for its present velocity.
+    `target_m` is T of the TAD game, None in PE. `bound_for_m_s` is the velocity over the ground that the pursuer will
+    have when the commands sent so far have taken effect; None for its present velocity.
     """
 
     pursuer_m: Enu

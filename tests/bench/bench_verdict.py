@@ -61,13 +61,11 @@ def judged(arguments: argparse.Namespace, number: int) -> Judged:
     """Draw and fly one game."""
     drawn = draw_game(arguments.seed, number, arguments.shape)
     drawn = drawn._replace(setup=drawn.setup._replace(policy=arguments.pursuer))
-    by_referee = arguments.referee or arguments.others
-    kinds = EVADERS if by_referee else (COURSE, *KINDS)
-    kind = kinds[number % len(kinds)] if arguments.evader == EACH else arguments.evader
+    kind = arguments.evaders[number % len(arguments.evaders)]
     settings = cycle_settings(drawn.setup)
     draw = Random(f"{arguments.shape}/{arguments.seed}/{number}/{kind}")
     evader = draw_evader(kind, draw, settings) if kind in KINDS else None
-    if not by_referee:
+    if not arguments.by_referee:
         return Judged(drawn, kind, fly(drawn, evader))
     played = referee(drawn, evader, PERIOD_S if arguments.cycles else STEP_S)
     result = played.result
@@ -103,10 +101,13 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--pursuer", choices=RULES, default=RULES[0], help="on the mock")
     parser.add_argument("--shape", choices=tuple(SHAPES), default="point")
     arguments = parser.parse_args()
-    by_referee = arguments.referee or arguments.others
-    arguments.evader = arguments.evader or (EACH if by_referee else COURSE)
-    if arguments.evader == WORST and not by_referee:
+    arguments.by_referee = arguments.referee or arguments.others
+    if arguments.evader == WORST and not arguments.by_referee:
         parser.error(f"--evader {WORST} is searched by the referee; add --referee")
+    chosen = arguments.evader or (EACH if arguments.by_referee else COURSE)
+    arguments.evaders = (chosen,)
+    if chosen == EACH:
+        arguments.evaders = EVADERS if arguments.by_referee else (COURSE, *KINDS)
     return arguments
 
 
@@ -180,7 +181,7 @@ def main() -> None:
             f"a verdict that lasted {LASTING_S:g} s came {median(known_s):.1f} s before the capture, median of "
             f"{len(known_s)} captures that took {median(lasted_s):.1f} s"
         )
-    if arguments.referee or arguments.others:
+    if arguments.by_referee:
         step_s = PERIOD_S if arguments.cycles else STEP_S
         costs_s = sorted(certify_s[1:])
         print(

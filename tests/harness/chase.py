@@ -33,6 +33,7 @@ SETTLED_S = 2.0
 LONGEST_S = 90.0
 
 _FAR_S = 60.0
+"""`Runner.run` sets a goal so far ahead that it is not reached before the next call."""
 
 HOVER_S = 6.0
 """Time between the climb and the chase, as with an operator; PX4 overestimates the hover thrust after a climb."""
