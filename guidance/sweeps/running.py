@@ -3,6 +3,7 @@
 This process, processes on this machine and a Dask cluster are `concurrent.futures` executors, used in the same way.
 """
 
+import contextlib
 import logging
 import multiprocessing
 import os
@@ -23,7 +24,7 @@ from concurrent.futures import (
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
@@ -60,10 +61,22 @@ class Shown(Progress):
         super().__init__(*columns, console=target, transient=True, disable=not redraws(target))
         self._task = self.add_task("", total=self._rows, completed=self.kept)
         self._begun_s = self._shown_s = time.monotonic()
+        self._ending: BaseException | None = None
+
+    def end(self, number: int, _frame: object = None) -> NoReturn:
+        """Handle Ctrl-C and SIGTERM: raise here, and again after the chunk, because numpy may swallow this one.
+
+        While numpy asks an object whether it is an array, it clears every exception, also one of a signal handler.
+        """
+        interrupted = number == signal.SIGINT
+        self._ending = KeyboardInterrupt() if interrupted else SystemExit(128 + number)
+        raise self._ending
 
     def __call__(self, rows: int) -> None:
         """Count rows, and show them if it is time."""
         self.kept += rows
+        if self._ending is not None:
+            raise self._ending
         now_s = time.monotonic()
         rows_done = self.kept - self._before
         rate = rows_done / max(1e-9, now_s - self._begun_s)
@@ -293,7 +306,9 @@ def run_sweep(
         if scheduler is not None:
             location = f"on the cluster at {scheduler}"
         target.print(f"{count} chunks of {folder.chunk_rows}, {location}")
-        with Shown(folder, unit) as progress:
+        with contextlib.ExitStack() as restored, Shown(folder, unit) as progress:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                restored.callback(signal.signal, number, signal.signal(number, progress.end))
             try:
                 finish(folder, progress, workers=size, scheduler=scheduler)
             except KeyboardInterrupt:

@@ -407,6 +407,29 @@ def test_several_workers_have_four_chunks_each(plan_from, tmp_path, seeds, way, 
 
 
 @pytest.mark.parametrize(
+    ("number", "ending"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)]
+)
+def test_a_signal_that_a_library_swallows_ends_the_sweep_after_the_chunk(
+    short, tmp_path, monkeypatch, number, ending
+):
+    """numpy clears every exception while it asks an object whether it is an array."""
+
+    def swallowing(plan, rows):
+        if rows.start == 5:
+            with contextlib.suppress(BaseException):
+                signal.raise_signal(number)
+        return computed(plan, rows)
+
+    monkeypatch.setattr(running, "computed", swallowing)
+    before = signal.getsignal(number)
+    how = {"way": None, "workers": 1, "scheduler": None, "chunk": 5}
+    with pytest.raises(ending):
+        run_sweep(str(short / "sweep.toml"), out=tmp_path / "out", **how)
+    assert len(files(tmp_path / "out")) == 2
+    assert signal.getsignal(number) == before
+
+
+@pytest.mark.parametrize(
     ("rows", "words"), [(0, "no rows were written yet"), (5, "5 of 24 rows are kept")]
 )
 def test_an_interruption_says_what_is_kept(short, tmp_path, monkeypatch, rows, words):
