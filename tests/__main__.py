@@ -24,7 +24,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
-from importlib.metadata import distributions
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -405,31 +404,23 @@ def fingerprint() -> str:
     return digest.hexdigest()
 
 
-def _packages() -> list[str]:
-    """Return the installed packages, which mypy reads too."""
-    return sorted(f"{one.name} {one.version}" for one in distributions())
-
-
 def _keep(tree: str, rows: Mapping[str, Row]) -> None:
     """Keep the rows that passed, for `python -m tests all`."""
     kept = {name: asdict(row) for name, row in rows.items() if row.verdict == PASSED}
     KEPT.mkdir(exist_ok=True)
-    content = {"tree": tree, "packages": _packages(), "rows": kept}
+    content = {"tree": tree, "rows": kept}
     (KEPT / "passed.json").write_text(json.dumps(content), encoding="utf-8")
 
 
 def passed_before() -> dict[str, Row]:
-    """Return the rows that passed on the same files; mypy's only with the same packages."""
+    """Return the rows that passed on the same files."""
     try:
         kept = json.loads((KEPT / "passed.json").read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     if kept["tree"] != fingerprint():
         return {}
-    rows = {name: Row(**row) for name, row in kept["rows"].items()}
-    if kept["packages"] != _packages():
-        rows.pop("types", None)
-    return rows
+    return {name: Row(**row) for name, row in kept["rows"].items()}
 
 
 def cache_of(name: str) -> Path:
