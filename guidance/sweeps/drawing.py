@@ -112,13 +112,15 @@ def draw_all(
 
 def key_label(column: str) -> str:
     """Return the label of an axis: `evader.speed_m_s` is "evader speed, m/s"."""
-    name, bracket, index = column.partition("[")
+    name = column
+    index = ""
+    if column.endswith("]"):
+        name, _, index = column.removesuffix("]").rpartition("[")
     for ending, unit in _UNITS.items():
         if name.endswith(ending):
             quantity = _spaced(name.removesuffix(ending))
-            number = index.removesuffix("]")
-            if bracket and number in {"0", "1", "2"}:
-                axis = "xyz"[int(number)]
+            if index in {"0", "1", "2"}:
+                axis = "xyz"[int(index)]
                 return f"{quantity} {axis}, {unit}"
             return f"{quantity}, {unit}"
     return _spaced(column)

@@ -56,8 +56,22 @@ NEAR = load(Scenario, Path(__file__).parents[1] / "data" / "near_chase.toml")
 """Low, a few metres, a few seconds: a whole flight in the least time."""
 
 
+class Played(Mission):
+    """A mission that ends with its game: the way home is left to tests of whole flights."""
+
+    @property
+    def finished(self) -> bool:
+        """True when every vehicle has played."""
+        return super().finished or all(
+            vehicle.engaged_s is not None and not vehicle.playing for vehicle in self.vehicles
+        )
+
+
 def flown(
-    scenario: Scenario, path: Path | None = None, watch: Callable[[Progress], None] = lambda _: None
+    scenario: Scenario,
+    path: Path | None = None,
+    watch: Callable[[Progress], None] = lambda _: None,
+    mission: type[Mission] = Mission,
 ) -> FlightResult:
     """Fly a scenario to its end.
 
@@ -65,6 +79,7 @@ def flown(
         scenario: The scenario to fly.
         path: Of its record; None keeps none.
         watch: Is told of every cycle.
+        mission: `Played` ends the flight with its game.
     """
     clock = VirtualClock()
     world = SteppedWorld(scenario, clock)
@@ -76,7 +91,8 @@ def flown(
     recorder = None if path is None else Recorder(path, metadata)
     try:
         used = {PURSUER: Equipment(record=recorder)}
-        return Mission(scenario, world, clock, equipment=used, show=watch).fly().vehicles[PURSUER]
+        flight = mission(scenario, world, clock, equipment=used, show=watch)
+        return flight.fly().vehicles[PURSUER]
     finally:
         world.close()
         if recorder is not None:

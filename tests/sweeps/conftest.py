@@ -27,7 +27,7 @@ policies = [{ pursuer = ["optimal", "pure_pursuit"], evader = "optimal" }]
 MIXED = """
 scenario = "short.toml"
 title = "Mixed"
-seeds = 12
+seeds = 6
 policies = [{ pursuer = ["optimal", "pure_pursuit"], evader = ["optimal", "random_turns"] }]
 [grid]
 "pursuer.speed_set" = ["ball", "cylinder"]
@@ -63,8 +63,16 @@ def mixed_once(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mixed")
     (folder / "short.toml").write_text(SCENARIO)
     plan = _planned(MIXED, folder)
-    finish(begin_or_continue(folder / "out", plan, 64), lambda _: None)
+    finish(begin_or_continue(folder / "out", plan, 32), lambda _: None)
     return folder / "out"
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Reports are written without their pictures, which take most of the time."""
+    from guidance.sweeps import report
+
+    monkeypatch.setattr(report, "draw_all", lambda *_: [])
 
 
 @pytest.fixture

@@ -85,9 +85,10 @@ def test_numbers_of_players_are_swept_and_every_evader_has_a_row(swept, tmp_path
 def test_policies_are_those_of_the_whole_team(swept, tmp_path):
     """Catches a sweep's policy that only the first group of a team plays."""
     plan = swept(
-        SWEEP + '[[policies]]\npursuer = ["optimal", "pure_pursuit"]\nevader = "task_oriented"\n'
+        'scenario = "short.toml"\n'
+        '[[policies]]\npursuer = ["optimal", "pure_pursuit"]\nevader = "task_oriented"\n'
     )
-    run(plan, tmp_path / "out", rows=16)
+    run(plan, tmp_path / "out")
     rows = parquet.read_table(tmp_path / "out" / "rows").to_pylist()
     assert {row["pursuer_policy"] for row in rows} == {"optimal", "pure_pursuit"}
     assert {row["evader_policy"] for row in rows} == {"task_oriented"}
@@ -100,11 +101,10 @@ def test_policies_are_those_of_the_whole_team(swept, tmp_path):
 def test_a_row_that_allows_no_game_says_why(swept, tmp_path):
     """Catches a row of teams without a game that ends the sweep or has no reason."""
     plan = swept(
-        SWEEP.replace("uniform = [0.9, 1.1]", "choice = [1.0, 2.2]").replace(
-            "seeds = 2", "seeds = 6"
-        )
+        'scenario = "short.toml"\nseeds = 6\n'
+        '[random]\n"evader[0].speed_m_s" = { choice = [1.0, 2.2] }\n'
     )
-    run(plan, tmp_path / "out", rows=24)
+    run(plan, tmp_path / "out")
     rows = parquet.read_table(tmp_path / "out" / "rows").to_pylist()
     wrong = [row for row in rows if row["end"] == "invalid"]
     assert 0 < len(wrong) < len(rows)
@@ -112,6 +112,7 @@ def test_a_row_that_allows_no_game_says_why(swept, tmp_path):
     assert all(row["evader"] == -1 for row in wrong)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_counts_evaders_and_writes_the_worst_as_scenarios_of_teams(swept, tmp_path):
     """Catches a report that counts games for evaders."""
     text = SWEEP.replace("seeds = 2", "seeds = 1")
