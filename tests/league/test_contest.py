@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -105,7 +106,8 @@ def test_the_command_prints_the_same_twice_and_its_scenarios_are_scenarios(
 ):
     """Catches a league whose output depends on more than its seed, or writes scenarios that cannot be read."""
     monkeypatch.setattr("guidance.league.contest.built_in_policies", lambda *_: ("optimal",))
-    words = ("policy.py:choose", "--games", "12", "--seed", "7", "--json")
+    near = str(Path(__file__).parents[1] / "data" / "near_chase.toml")
+    words = ("policy.py:choose", "--scenario", near, "--games", "6", "--seed", "7", "--json")
     first = run(*words, "--out", "once")
     again = run(*words, "--out", "twice")
     assert first.exit_code == 0, first.output

@@ -9,11 +9,9 @@ import pytest
 
 from guidance.errors import ConfigError
 from guidance.flight import Inputs, State
-from guidance.log import Survey, compare, cycles_of, metadata_of, scan
+from guidance.log import Survey, cycles_of, metadata_of, scan, survey_of
 from guidance.log.entries import CYCLE, CycleEntry
-from guidance.log.replay import Comparison
 from guidance.log.writer import Recorder, part_path
-from guidance.session.flight_files import recorded_settings
 from guidance.session.output_sections import RecordSection
 
 
@@ -100,9 +98,9 @@ def test_a_failure_to_open_the_next_file_keeps_the_previous_one(tmp_path):
     assert survey.torn is None
 
 
-def test_a_flight_in_several_files_is_replayed_bit_for_bit(tmp_path, flight):
+def test_the_cycles_of_a_flight_in_several_files_are_those_of_one(tmp_path, flight):
     """Catches a cycle that is lost between two files of a record."""
-    result, whole = flight
+    _, whole = flight
     path = tmp_path / "record.mcap"
     recorder = Recorder(path, metadata_of(whole), rotate_s=10.0)
     for item in scan(whole):
@@ -113,10 +111,8 @@ def test_a_flight_in_several_files_is_replayed_bit_for_bit(tmp_path, flight):
     recorder.close()
     assert part_path(path, 3).exists()
     assert list(map(repr, cycles_of(path))) == list(map(repr, cycles_of(whole)))
-    comparison, survey = compare(path, recorded_settings)
-    assert isinstance(comparison, Comparison)
-    assert (comparison.differing, survey.missing, survey.torn) == (0, 0, None)
-    assert comparison.cycles == result.cycles
+    survey = survey_of(path)
+    assert (survey.missing, survey.torn) == (0, None)
 
 
 def test_the_writers_memory_does_not_grow_from_file_to_file(tmp_path):
@@ -125,12 +121,12 @@ def test_the_writers_memory_does_not_grow_from_file_to_file(tmp_path):
     The index of a file is kept until the file is finished: the same amount at the end of each.
     """
     at_end_bytes = []
-    recorder = Recorder(tmp_path / "flight.mcap", {}, rotate_s=10.0)
+    recorder = Recorder(tmp_path / "flight.mcap", {}, rotate_s=4.0)
     tracemalloc.start()
     try:
-        for number in range(2500):
+        for number in range(1000):
             recorder.event(0.02 * number, "happened")
-            if number % 500 == 498:
+            if number % 200 == 198:
                 gc.collect()
                 at_end_bytes.append(tracemalloc.get_traced_memory()[0])
     finally:

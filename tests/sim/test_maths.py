@@ -140,7 +140,7 @@ def test_a_game_is_the_same_in_a_batch_in_any_order_and_alone():
     backwards = play_scenarios(rows[::-1])[::-1]
     for number, (row, outcome, again) in enumerate(zip(rows, together, backwards, strict=True)):
         assert repr(outcome) == repr(again)
-        if number % 3 == 0:
+        if number % 7 == 0:  # every policy, with a sensor and without
             assert repr(play_scenarios([row])[0]) == repr(outcome)
     assert {outcome.end for outcome in together} == {"captured", "time_up"}
 

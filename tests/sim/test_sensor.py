@@ -19,7 +19,7 @@ from guidance.session.fly.result import outcome_of_flight
 from guidance.sim.scenario import Scenario, Sensor
 from guidance.sim.sensor import Noise, SensedEvader, first_knowledge, receive_reports
 from tests.harness.examples import drawn
-from tests.harness.flights import flown
+from tests.harness.flights import Played, flown
 
 HERE = LocalFrame(47.397742, 8.545594, Amsl(488.0))
 PERIOD_S = 0.1
@@ -193,6 +193,7 @@ def test_closing_closes_the_source():
 
 
 @pytest.mark.flight
+@pytest.mark.usefixtures("soon_up_and_down")
 @pytest.mark.parametrize(
     ("pursuer", "evader"),
     [
@@ -229,7 +230,7 @@ def test_a_flight_with_a_sensor_replays_bit_for_bit(pursuer, evader, tmp_path):
         source="test",
     )
     path = tmp_path / "record.mcap"
-    outcome = outcome_of_flight(flown(chase, path), "fast")
+    outcome = outcome_of_flight(flown(chase, path, mission=Played), "fast")
     assert outcome.end in {"captured", "time_up"}
     assert outcome.game_time_s > 2.0
     comparison, _ = compare(path, recorded_settings)

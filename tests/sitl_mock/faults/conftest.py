@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import all as dialect
 
 from sitl_mock import MockVehicle
 from sitl_mock.faults import Faulted, parse_script
+from tests.harness.copies import Flown
 
 GUIDED = {"px4": (1.0, 6.0), "arducopter": (1.0, 4.0), "rover": (1.0, 15.0)}
 
@@ -75,6 +76,17 @@ class Rig:
         self.client.seq = (self.client.seq + 1) % 256
         return frame
 
+    def change(self, **parameters):
+        """Set parameters in flight."""
+        for name, value in parameters.items():
+            self.vehicle.autopilot.parameters.set(name, value)
+        return self
+
+    def inject(self, fault):
+        """Let a fault begin; its times count from now."""
+        self.faulted.inject(fault)
+        return self
+
     def run(self, seconds, *stream):
         """Move the clock, sending a message at each step if one is given."""
         for _ in range(round(seconds / self.dt_s)):
@@ -117,7 +129,7 @@ class Rig:
                     found.append((at_s, self._reader.decode(bytearray(frame))))
         return found
 
-    def airborne(self, height_m=10.0):
+    def airborne(self, height_m=4.0):
         """Arm, take off, hover."""
         self.run(1.5)
         if self.flavour == "arducopter":
@@ -165,6 +177,13 @@ def velocity(north, east, down):
 def rig():
     """``rig({"kind": ...}, ...)`` boots a vehicle with faults."""
     return Rig
+
+
+@pytest.fixture(scope="session")
+def aloft():
+    """``aloft()`` is a copy of a vehicle that hovers; its take-off was flown once, and `inject` brings the fault."""
+    flown = Flown()
+    return lambda: flown("aloft", lambda: Rig().airborne(), lambda rig: rig.frames)
 
 
 @pytest.fixture
