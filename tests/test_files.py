@@ -133,7 +133,7 @@ def test_a_device_is_written_directly():
         assert device == Path("/dev/null")
 
 
-@pytest.mark.usefixtures("carefree")
+@pytest.mark.usefixtures("carefree", "soon_up_and_down")
 def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkeypatch):
     """Catches a file of a flight, record or report that others may read."""
     from guidance.viz import report as page

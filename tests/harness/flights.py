@@ -24,13 +24,14 @@ from tests.harness.vehicle import SOON_UP_AND_DOWN
 
 @contextmanager
 def soon_up_and_down() -> Iterator[None]:
-    """Let the PX4s of mocked flights take off and land fast, for tests of what lies between."""
+    """Let the PX4s of mocked flights be ready, take off and land soon, for tests of what lies between."""
 
     def quick(scenario: Flown) -> dict[str, Any]:
         made = fleet(scenario)
         for vehicle in made["vehicle"]:
             if vehicle["flavour"] == "px4":
                 vehicle["parameters"] |= SOON_UP_AND_DOWN
+                vehicle["ready_after_s"] = 0.5
         return made
 
     with pytest.MonkeyPatch.context() as patch:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.harness.flights import soon_up_and_down
 from tests.harness.sortie import Sorties, Stepped
 
 
@@ -13,7 +14,8 @@ def sorties():
 @pytest.fixture
 def sortie(sorties):
     """Make sorties; all are closed at the end."""
-    yield sorties
+    with soon_up_and_down():
+        yield sorties
     sorties.close()
 
 

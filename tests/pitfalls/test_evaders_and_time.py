@@ -81,7 +81,7 @@ def test_22_a_delayed_report_is_played_with_its_age(sortie, delay_s, monkeypatch
     assert flight.state is State.ENGAGED
 
 
-@pytest.mark.parametrize("skew_s", [-4000.0, 12.5, 3e6])
+@pytest.mark.parametrize("skew_s", [-4000.0, 3e6])
 def test_22_a_senders_clock_that_is_wrong_or_drifts_changes_nothing(sortie, skew_s, monkeypatch):
     flight = sortie.engaged("px4")
     source = flight.world.evaders["pursuer"]["evader"]
@@ -93,7 +93,7 @@ def test_22_a_senders_clock_that_is_wrong_or_drifts_changes_nothing(sortie, skew
             report._replace(sent_s=report.sent_s * (1.0 + 2e-4) + skew_s) for report in real()
         ],
     )
-    flight.run(8.0)
+    flight.run(5.0)
     frame = flight.flight.tracking.game_frame
     believed = frame.position_from_ned(flight.flight.tracking.evader(flight.now_s).position_ned_m)
     assert math.dist(believed[:2], flight.evader.position_game_m[:2]) < 0.6
@@ -135,11 +135,9 @@ def test_28_the_core_reads_no_clock_and_never_sleeps():
 
 
 def test_28_a_clock_that_starts_elsewhere_gives_the_same_flight(sortie):
-    flights = [sortie("px4"), sortie("px4")]
-    flights[1].clock.sleep_until(5000.0)
-    for flight in flights:
-        flight.engaged().until(State.ON_STATION, limit_s=40.0)
-    durations = [len(flight.outputs) for flight in flights]
+    later = sortie("px4")
+    later.clock.sleep_until(5000.0)
+    durations = [len(flight.outputs) for flight in (sortie.on_station("px4"), later.on_station())]
     assert abs(durations[0] - durations[1]) <= 3
 
 

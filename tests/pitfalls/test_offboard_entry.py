@@ -136,9 +136,9 @@ def test_18_the_climb_is_the_autopilots_own_and_no_setpoint_goes_out_during_it(s
 def test_27_without_a_valid_position_nothing_is_armed(sortie, autopilot, condition):
     flight = sortie(autopilot)
     flight.mock.inject(condition, True)
-    flight.run(15.0)
+    flight.run(8.0)
     flight.cycle(Event.START)
-    for _ in range(20):
+    for _ in range(4):
         flight.run(1.0)
         assert not flight.mock.armed
         assert flight.setpoints == []

@@ -8,6 +8,8 @@ import tomlkit
 
 from guidance.config import parse_document
 from guidance.errors import ConfigError
+from guidance.flight import State
+from guidance.flight.settings import LIMITS_S
 from guidance.session.fly.result import outcome_of_flight
 from guidance.session.open.mock import MockOptions
 from guidance.session.recorded_flight import fly_recorded
@@ -65,7 +67,8 @@ def test_an_evader_that_is_lost_for_good_fails_the_flight_for_that_reason():
     assert (outcome.end, outcome.reason) == ("failed", "evader lost")
 
 
-def test_a_vehicle_that_will_not_arm_never_engages_and_says_so():
+def test_a_vehicle_that_will_not_arm_never_engages_and_says_so(monkeypatch):
+    monkeypatch.setitem(LIMITS_S, State.CHECKING, 15.0)  # of 90, to wait less
     _, outcome = flown(fault=[{"kind": "arm_refused", "after": "start"}])
     assert outcome.end == "failed"
     assert outcome.reason.startswith("never engaged: ")
@@ -100,7 +103,7 @@ def test_wind_blows_on_the_pursuer_for_the_whole_flight_and_is_captured_against(
     assert [(each["kind"], each["vehicle"], each["east"], each["north"]) for each in asked] == [
         ("wind_gust", "pursuer", 1.4, 0.0)
     ]
-    _, outcome = flown(wind=wind)
+    _, outcome = flown(wind=wind, seed=1)
     assert outcome.end == "captured"
     # The autopilot holds the speed over ground, so the promise is the same as in still air.
     assert outcome.predicted == pytest.approx(play_scenarios([scenario()])[0].predicted, abs=0.3)

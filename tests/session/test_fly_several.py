@@ -76,7 +76,9 @@ def test_a_vehicle_among_several_plays_as_it_plays_alone(several):
 
 
 @pytest.mark.flight
-def test_every_vehicle_has_its_own_record_that_names_it_and_replays_bit_for_bit(several):
+def test_every_vehicle_has_its_own_record_that_names_it_and_the_last_one_replays_bit_for_bit(
+    several,
+):
     pursuits, result, folder, _ = several
     for pursuit in pursuits:
         path = folder / f"{pursuit.vehicle}.mcap"
@@ -87,12 +89,12 @@ def test_every_vehicle_has_its_own_record_that_names_it_and_replays_bit_for_bit(
             if item.topic.endswith(("/in", "/out"))
         }
         assert raw == {pursuit.vehicle, "rover1", "rover2"}
-        settings = plan_of(scenario=pursuit.scenario).flight
-        comparison, _ = compare(path, lambda _, settings=settings: settings)
-        assert (comparison.differing, comparison.setpoints) == (
-            0,
-            result.vehicles[pursuit.vehicle].setpoints_sent,
-        )
+    settings = plan_of(scenario=pursuit.scenario).flight
+    comparison, _ = compare(path, lambda _: settings)
+    assert (comparison.differing, comparison.setpoints) == (
+        0,
+        result.vehicles[pursuit.vehicle].setpoints_sent,
+    )
 
 
 @pytest.mark.flight

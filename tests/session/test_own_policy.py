@@ -53,7 +53,6 @@ def boom(_):
     ("then", "words"),
     [
         (straight, None),
-        (boom, "raised RuntimeError: boom"),
         (lambda observation: np.full((1, 3), np.nan), "is not 3 finite numbers"),
     ],
 )
@@ -83,6 +82,12 @@ def test_an_answer_that_took_longer_than_a_cycle_is_none():
     assert ask(OBSERVATION) == (0.6, 0.8, 0.0)
     pause_s = 1.1 * LONGEST_ANSWER_S
     assert "took 22 ms; a cycle has 20 ms" in ask(OBSERVATION)
+
+
+def test_an_error_of_a_policy_is_no_answer():
+    own.register_policy("tests.boom:policy", boom)
+    ask = TimedPolicy("tests.boom:policy", VirtualClock())
+    assert "raised RuntimeError: boom" in ask(OBSERVATION)
 
 
 @pytest.mark.slow
