@@ -38,11 +38,11 @@ def python(within_s: float | None) -> str:
         extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
             "optional-dependencies"
         ]
-        subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+        subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
         (parent,) = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
         (inner,) = folder.glob("lib/python*/site-packages")
         (inner / "parent.pth").write_text(f"{parent}\n{ROOT}\n")
-        pip = (str(found), "-m", "pip", "install", "-q", "--no-compile")
+        pip = (sys.executable, "-m", "pip", "--python", str(found), "install", "-q", "--no-compile")
         subprocess.run([*pip, TORCH, *extras["jax"]], cwd=ROOT, check=True, timeout=within_s)
         (folder / "complete").touch()
     return str(found)
