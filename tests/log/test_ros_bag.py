@@ -33,11 +33,11 @@ def bag(short_flight, tmp_path_factory):
 def test_rosbags_reads_every_topic_and_each_message_is_the_records(short_flight, bag):
     """Catches a bag that says something else than the record."""
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-        messages = [
-            (connection.topic, reader.deserialize(data, connection.msgtype))
-            for connection, _, data in reader.messages()
-        ]
-        times = [time_ns for _, time_ns, _ in reader.messages()]
+        messages = []
+        times = []
+        for connection, time_ns, data in reader.messages():
+            messages.append((connection.topic, reader.deserialize(data, connection.msgtype)))
+            times.append(time_ns)
     assert times == sorted(times)
     witness = Witness(short_flight[1])
     compared = witness.compare(messages)

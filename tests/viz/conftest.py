@@ -7,7 +7,7 @@ import psutil
 import pytest
 
 from guidance.sim.scenario import Scenario
-from tests.harness.flights import NEAR, flown
+from tests.harness.flights import NEAR, flown, soon_up_and_down
 
 BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
@@ -82,7 +82,8 @@ def tad(tmp_path_factory):
     scenario = Scenario.model_validate(
         {**NEAR.model_dump(), "game": "tad", "target": target, "evader": evader}
     )
-    result = flown(scenario, folder / "r.mcap")
+    with soon_up_and_down():
+        result = flown(scenario, folder / "r.mcap")
     with pytest.MonkeyPatch.context() as patched:
         # Those of PE are all drawn
         patched.setattr(report, "PICTURES", {"tracks": report.PICTURES["tracks"]})
