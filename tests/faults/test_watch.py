@@ -28,12 +28,18 @@ TO_THE_FENCE = {
 }
 
 
-def flown():
-    return flying.fly(Case(0, 0, parse_document(Scenario, TO_THE_FENCE, source="test")))
+def case(**sections):
+    return Case(0, 0, parse_document(Scenario, {**TO_THE_FENCE, **sections}, source="test"))
 
 
-def test_a_fence_holds_and_the_flight_is_as_wanted():
-    row = flown()
+@pytest.fixture(scope="module")
+def starts():
+    """The beginning of the flight, which is flown once."""
+    return flying.Starts()
+
+
+def test_a_fence_holds_and_the_flight_is_as_wanted(starts):
+    row = flying.fly(case(), starts=starts)
     assert row.violations == ()
     assert row.end == "holding (hold)"
 
@@ -50,13 +56,13 @@ def test_a_service_that_knows_of_no_fence_is_found_out(monkeypatch):
         )
 
     monkeypatch.setattr(flying, "plan", unfenced)
-    (violation,) = flown().violations
+    (violation,) = flying.fly(case()).violations
     assert violation.invariant == "fence"
     assert violation.amount > 1.0
 
 
 def test_another_program_is_told_from_ours_and_a_service_that_is_deaf_to_it_is_found_out(
-    monkeypatch,
+    starts, monkeypatch
 ):
     stranger = {
         "kind": "second_source",
@@ -67,20 +73,19 @@ def test_another_program_is_told_from_ours_and_a_service_that_is_deaf_to_it_is_f
         "down": 0.0,
         "rate_hz": 5.0,
     }
-    document = {**TO_THE_FENCE, "fault": [stranger]}
-    case = Case(0, 0, parse_document(Scenario, document, source="test"))
-    assert flying.fly(case).violations == ()
+    joined = case(fault=[stranger])
+    assert flying.fly(joined, starts=starts).violations == ()
     monkeypatch.setattr(Echo, "hear", lambda *_, **__: None)
-    (violation,) = flying.fly(case).violations
+    (violation,) = flying.fly(joined, starts=starts).violations
     assert violation.invariant == "another program is noticed"
 
 
 def test_a_flight_that_goes_on_from_a_copy_is_the_one_from_the_ground(tmp_path):
-    case = draw_case(1, 15)
-    starts = flying.Starts()
-    starts.keep(case, flying.Sortie(case).stand_by())
-    copied = flying.fly(case, starts=starts)
-    whole = flying.fly(case, tmp_path)
+    drawn = draw_case(1, 15)
+    kept = flying.Starts()
+    kept.keep(drawn, flying.Sortie(drawn).stand_by())
+    copied = flying.fly(drawn, starts=kept)
+    whole = flying.fly(drawn, tmp_path)
     assert copied._replace(processor_s=0.0) == whole._replace(processor_s=0.0)
     assert copied.end == "yielded (vehicle telemetry lost)"
 

@@ -16,7 +16,7 @@ ELSEWHERE = {"px4": "STABILIZED", "arducopter": "STABILIZE"}
 
 
 @pytest.fixture(scope="module")
-def sorties():
+def sorties(soon_up_and_down):
     made = Sorties(Stepped)
     yield made
     made.close()

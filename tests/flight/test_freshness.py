@@ -32,7 +32,7 @@ AUTOPILOTS = ["px4", "arducopter"]
 
 
 @pytest.fixture(scope="module")
-def sorties():
+def sorties(soon_up_and_down):
     made = Sorties(Stepped)
     yield made
     made.close()

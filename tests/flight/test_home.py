@@ -21,7 +21,7 @@ DO_SET_HOME = 179
 
 
 @pytest.fixture(scope="module")
-def sorties():
+def sorties(soon_up_and_down):
     made = Sorties(Stepped)
     yield made
     made.close()

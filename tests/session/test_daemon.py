@@ -13,8 +13,8 @@ from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.orders.words import WORDS
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
+from tests.harness.vehicle import FENCED
 
-FENCED = {"GF_MAX_HOR_DIST": 120.0, "GF_MAX_VER_DIST": 70.0}
 SET_UP = {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1}
 
 
@@ -382,18 +382,6 @@ def test_setpoints_of_another_source_are_detected_and_the_vehicle_is_set_to_hold
     assert "setpoints of another source" in base.log.messages(logging.WARNING)
     base.run(2.0)
     assert base.vehicle.mode == "HOLD"
-
-
-@pytest.mark.flight
-@pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
-def test_our_own_setpoints_alone_never_raise_the_alarm(base, autopilot):
-    parameters = FENCED if autopilot == "px4" else SET_UP
-    base = base(
-        parameters=parameters, vehicle={"autopilot": autopilot}, flight={"after_capture": "shadow"}
-    )
-    base.engaged().run(25.0)
-    assert "setpoints of another source" not in base.log.messages()
-    assert base.state is State.ON_STATION
 
 
 def test_signs_of_life_come_from_the_loop_and_stop_with_it(base):

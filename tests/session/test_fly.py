@@ -161,11 +161,19 @@ def test_one_setpoint_goes_out_a_cycle_and_none_outside_of_the_guided_states(pe)
     assert not any("setpoint" in row for row in silent)
 
 
-def test_two_runs_with_one_seed_are_one_record_and_another_seed_is_another(tmp_path):
-    first = flown(NEAR, tmp_path / "first.mcap")
+@pytest.fixture(scope="module")
+def near(tmp_path_factory, soon_up_and_down):
+    """A short flight: its result, its record, and what the live line was told."""
+    path = tmp_path_factory.mktemp("near") / "record.mcap"
+    seen = []
+    return flown(NEAR, path, seen.append), path, seen
+
+
+def test_two_runs_with_one_seed_are_one_record_and_another_seed_is_another(tmp_path, near):
+    first, record, _ = near
     flown(NEAR, tmp_path / "again.mcap")
     other = flown(NEAR.model_copy(update={"seed": 7, "time_limit_s": 1.0}))
-    assert (tmp_path / "first.mcap").read_bytes() == (tmp_path / "again.mcap").read_bytes()
+    assert record.read_bytes() == (tmp_path / "again.mcap").read_bytes()
     places, others = ([sample.pursuer_m for sample in one.samples[:400]] for one in (first, other))
     assert places != others
 
@@ -184,9 +192,8 @@ def test_a_game_that_lasts_too_long_is_ended_by_landing():
     assert Event.LAND in {transition.event for transition in result.transitions}
 
 
-def test_the_live_line_is_told_about_ten_times_a_second():
-    seen = []
-    result = flown(NEAR, watch=seen.append)
+def test_the_live_line_is_told_about_ten_times_a_second(near):
+    result, _, seen = near
     assert result.cycles / 6 < len(seen) < result.cycles / 5
     engaged = [progress for progress in seen if progress.state is State.ENGAGED]
     assert all(

@@ -37,29 +37,28 @@ from sitl_mock.child import running
 from sitl_mock.faults import Faulted
 from tests.harness.command import guidance
 from tests.harness.supervised import Supervised
+from tests.harness.vehicle import SOON_UP_AND_DOWN
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
 NEAR_FILE = Path(__file__).parents[1] / "data" / "near_chase.toml"
 NEAR = load(Scenario, NEAR_FILE)
 FIELD = Home(46.5, 7.25, 830.0)
 FENCED = {
-    "px4": {"GF_MAX_HOR_DIST": 400.0, "GF_MAX_VER_DIST": 200.0, "RTL_RETURN_ALT": 15.0, "RTL_DESCEND_ALT": 8.0},
+    "px4": {
+        "GF_MAX_HOR_DIST": 400.0, "GF_MAX_VER_DIST": 200.0, "RTL_RETURN_ALT": 5.0, "RTL_DESCEND_ALT": 5.0,
+        **SOON_UP_AND_DOWN,
+    },
     "arducopter": {
         "GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_TYPE": 3.0, "FENCE_RADIUS": 400.0, "FENCE_ALT_MAX": 200.0,
     },
 }  # fmt: skip
-SOON_DOWN = {
-    "MPC_TKO_RAMP_T": 0.5, "COM_SPOOLUP_TIME": 0.2, "RTL_RETURN_ALT": 5.0, "RTL_DESCEND_ALT": 5.0,
-    "MPC_LAND_SPEED": 1.5, "MPC_LAND_CRWL": 1.5, "COM_DISARM_LAND": 0.3,
-}  # fmt: skip
-"""Parameters of PX4 that bring a vehicle home in less time."""
 PX4_FOUND = Found(1, 1, 12, 2)
 
 
 class World(VirtualClock):
     """A vehicle somewhere else; whoever waits for this clock moves it."""
 
-    def __init__(self, autopilot="px4", *, ready_after_s=2.0, parameters=None):
+    def __init__(self, autopilot="px4", *, ready_after_s=0.5, parameters=None):
         super().__init__()
         self.vehicle = MockVehicle(
             autopilot,
@@ -211,12 +210,12 @@ def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing
     sortie, monkeypatch
 ):
     """Catches a run that waits for ever or arms meanwhile."""
-    monkeypatch.setattr("guidance.session.fly.mission.READY_WITHIN_S", 20.0)
+    monkeypatch.setattr("guidance.session.fly.mission.READY_WITHIN_S", 10.0)
     world = World()
     flown = sortie(world)
     world.faulted.inject({"kind": "arm_refused", "text": "Compass not calibrated"})
     with pytest.raises(
-        FlightError, match=r"not ready to fly within 20 s: prearm .*nothing was armed"
+        FlightError, match=r"not ready to fly within 10 s: prearm .*nothing was armed"
     ):
         flown.run()
     assert world.ordered() == []
@@ -439,7 +438,7 @@ def test_guidance_fly_flies_a_vehicle_that_was_started_elsewhere(tmp_path):
         "name": "uav1",
         "flavour": "px4",
         "ready_after_s": 1.0,
-        "parameters": FENCED["px4"] | SOON_DOWN,
+        "parameters": FENCED["px4"],
     }
     with running([vehicle], over=["udp"]) as fleet:
         out = tmp_path / "out"

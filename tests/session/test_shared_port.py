@@ -60,7 +60,7 @@ def test_forged_positions_and_modes_from_the_evaders_place_change_nothing_and_ar
     one = base(limits={"fence_radius_m": FENCE_M}, port=SharedPort)
     one.engaged()
     farthest_m = 0.0
-    for _ in range(600):
+    for _ in range(400):
         one.cycle()
         farthest_m = max(farthest_m, math.hypot(*one.vehicle.truth.position_ned_m[:2]))
     assert one.state is State.ON_STATION

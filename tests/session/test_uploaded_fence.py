@@ -73,7 +73,7 @@ def test_a_tight_fence_is_read_although_another_parameter_does_not_exist(base, a
     without_parameters(one, {hidden})
     one.run(1.0)
     upload(one, around(12.0))
-    one.run(20.0)
+    one.run(16.0)
     assert (fence_row(one).value, fence_row(one).verdict) == ("polygon of 4", "refuse")
     unread = next(row for row in one.daemon.survey.rows if row.name == hidden)
     assert (unread.value, unread.verdict) == ("not read", "refuse")
