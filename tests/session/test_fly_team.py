@@ -36,6 +36,29 @@ def evaders(speed_m_s, *places_m):
 GUARD = low_team("teams_guard", target=ROUND, evader=evaders(3.0, [36, 7], [-24, 27]))
 
 
+PAIRS = parse_document(
+    TeamScenario,
+    {
+        "title": "Two against two",
+        "game": "tad",
+        "seed": 1,
+        "pursuer": [
+            {"position_m": [0, 0, 4], "speed_m_s": 7},
+            {"position_m": [20, 0, 9], "speed_m_s": 7},
+        ],
+        "evader": evaders(3.0, [20, 60], [-20, 60]),
+        "target": {"position_m": [0, 0]},
+        "flight": {
+            "separation_m": 8,
+            "separation_height_m": 3,
+            "takeoff_height_m": 4,
+            "standoff": {"radius_m": 5, "height_m": 3},
+        },
+    },
+    source="two against two",
+)
+
+
 class UntilCaptured(Mission):
     """A mission that ends as soon as every vehicle has been on station."""
 
@@ -202,28 +225,8 @@ def test_a_broken_promise_is_told_with_its_cause(history):
 @pytest.mark.flight
 def test_pairings_of_equal_value_are_flown_without_crossing_and_keep_their_promises():
     """The vehicle that stands by first once took the crossed pairing, and giving way cost the promise."""
-    pursuers = [
-        {"position_m": [0, 0, 4], "speed_m_s": 7},
-        {"position_m": [20, 0, 9], "speed_m_s": 7},
-    ]
-    evaders = [
-        {"position_m": [20, 60], "speed_m_s": 3},
-        {"position_m": [-20, 60], "speed_m_s": 3},
-    ]
-    flight = {"separation_m": 8, "separation_height_m": 3, "takeoff_height_m": 4}
-    flight["standoff"] = {"radius_m": 5, "height_m": 3}
-    document = {
-        "title": "Two against two",
-        "game": "tad",
-        "seed": 1,
-        "pursuer": pursuers,
-        "evader": evaders,
-        "target": {"position_m": [0, 0]},
-        "flight": flight,
-    }
-    crossing = parse_document(TeamScenario, document, source="two against two")
-    flown = captured(crossing)
-    rows = team_rows(crossing, "fast", flown)
+    flown = captured(PAIRS)
+    rows = team_rows(PAIRS, "fast", flown)
     assert {row.evader: row.first for row in rows} == {0: 1, 1: 0}
     assert all(row.end == "captured" and row.ratio >= 1.0 for row in rows)
 
@@ -271,10 +274,10 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
         since_s = progress.now_s - engaged_s[0] if engaged_s else 0.0
         networks[0].cut = {"uav1"} if 1.0 <= since_s < 4.0 else set()
 
-    flown = captured(GUARD, Onlooker(cut))
-    assert [row.end for row in team_rows(GUARD, "fast", flown)] == ["captured", "captured"]
+    flown = captured(PAIRS, Onlooker(cut))
+    assert [row.end for row in team_rows(PAIRS, "fast", flown)] == ["captured", "captured"]
     assert (
-        flown.least_distance_m(GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
+        flown.least_distance_m(PAIRS.flight.separation_height_m) > PAIRS.flight.separation_m - 0.5
     )
     boards = [member.board for member in flown.members.values()]
     assert len({(board.roles.vehicle, board.roles.term) for board in boards}) == 1

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.flight
 
 def test_frames_that_the_link_refuses_are_an_event_and_change_nothing(base):
     one = base(key=bytes(range(32))).standing_by()
-    for _ in range(900):
+    for _ in range(600):
         one.overheard(heartbeat(COMPANION))
         one.cycle()
     assert one.state is State.STANDING_BY

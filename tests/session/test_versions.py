@@ -71,7 +71,7 @@ def relay(service, number, renamed):
 
 
 def rows_of(service):
-    service.run(15.0)
+    service.run(11.0)
     return {row.name: row for row in service.daemon.survey.rows}
 
 
