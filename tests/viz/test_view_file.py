@@ -3,8 +3,6 @@
 import json
 import math
 import shutil
-import subprocess
-import sys
 import threading
 from collections import Counter, defaultdict
 from pathlib import Path
@@ -276,9 +274,3 @@ def test_a_port_out_of_range_is_refused_by_name(record, option):
     run = CliRunner().invoke(app, ["view", str(record), option, "70000"])
     assert run.exit_code == 2
     assert f"'{option}': Input should be less than or equal to 65535" in run.output
-
-
-def test_looking_at_a_flight_imports_no_matplotlib():
-    """Catches a view that takes seconds to start."""
-    program = "import sys, guidance.viz.view; sys.exit('matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -84,12 +84,14 @@ def served(record):
 
 
 def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else(served):
-    """Catches a viewer that the network can reach."""
+    """Catches a viewer that the network can reach, and one that loads matplotlib."""
     child, url, pids = served
     # 127.0.0.1, and the hidden ones of Rerun's two servers
     until(lambda: len(set().union(*map(listening, pids))) == 3)
     addresses = set().union(*map(listening, pids))
     assert all(address.endswith("7F") for address in addresses)  # 127.0.0.0/8
+    # Its compiled parts would be seen: a view without pictures starts a second sooner.
+    assert "matplotlib" not in Path(f"/proc/{child.pid}/maps").read_text()
     with urllib.request.urlopen(url, timeout=10.0) as page:
         policy = dict(
             part.split(" ", 1) for part in page.headers["Content-Security-Policy"].split("; ")
