@@ -184,7 +184,7 @@ def test_policies_circles_and_gradients_work_too(library, games, oracle):
 
 
 def test_a_rollout_ends_as_in_numpy(library, games, oracle):
-    states = oracle.states(24, 6)
+    states = oracle.states(24, ROWS)
     stepping = Exact(step_s=0.5, order=1)
     on_numpy = rollout(games["paper"], *states, stepping=stepping)
     arrays = [library.array(array) for array in states]
@@ -350,8 +350,8 @@ def test_the_margin_has_its_derivative_on_the_barrier(library):
 
 @pytest.mark.parametrize("speeds", [Ball(2.0), only_long(Cylinder(3.0, 2.0, 1.0))])
 def test_a_rollout_without_a_target_ends_in_a_capture(library, speeds):
-    P = [[8.0, 1.42, 9.41]]
-    E = [[7.92, 9.6, 0.0]]
+    P = [[8.0, 1.42, 9.41]] * ROWS
+    E = [[7.92, 9.6, 0.0]] * ROWS
     game = Game(speeds, 1.0)
     on_library = rollout(game, library.array(P), library.array(E), stepping=Exact(1.5))
     on_numpy = rollout(game, P, E, stepping=Exact(1.5))
