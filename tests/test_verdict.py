@@ -7,10 +7,7 @@ import pytest
 from tests.harness.guarded import draw_game, fly
 
 pytestmark = pytest.mark.flight
-FLIGHTS = [
-    (1, number) if number < 4 else pytest.param(1, number, marks=pytest.mark.long)
-    for number in range(12)
-]
+FLIGHTS = [pytest.param(1, number, marks=pytest.mark.long) for number in range(12)]
 PASSED_BELOW = [(3, 179), (3, 359), (3, 703), (5, 717), (6, 79)]
 """The evader turns when it is 2 to 13 m from the rim. It passes below a vehicle that flies on while it is too high."""
 FLOWN_PAST = [(7, 721)]
