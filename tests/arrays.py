@@ -65,9 +65,13 @@ def main() -> int:
             flush=True,
         )
         return 0
-    # JAX compiles each operation for a few calls: optimizing that code takes longer than running it.
-    flags = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
-    environment = {"XLA_FLAGS": flags, **os.environ}
+    # JAX compiles each operation for a few calls: optimizing that code takes longer than running it. With 40 rows a
+    # second thread waits more than it computes.
+    flags = (
+        "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true "
+        "--xla_cpu_multi_thread_eigen=false"
+    )
+    environment = {"XLA_FLAGS": flags, "OMP_NUM_THREADS": "1", **os.environ}
     marked = "arrays" if given.within is None else "arrays and not long"
     command = [found, *PYTEST, marked]
     return subprocess.run(command, cwd=ROOT, check=False, env=environment).returncode
