@@ -64,11 +64,11 @@ def pytest_collection():
 
 @pytest.hookimpl(optionalhook=True)  # mutants are judged without pytest-xdist
 def pytest_xdist_auto_num_workers():
-    """Return a worker more than there are cores, since tests wait, and on a busy machine up to three more.
+    """Return a worker for each core, and more on a busy machine, where they get a larger share of it.
 
     Threads that compute now are counted, because the load average still knows what has just ended. Each worker collects
     the tests again, which takes 5 to 16 s of processor time, so there is none for what the other steps compute. A step
-    that gives way wants no larger share of a busy machine.
+    that gives way wants no larger share; one more computes while another one waits.
     """
     cores = (
         len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -81,7 +81,7 @@ def pytest_xdist_auto_num_workers():
             computing = Path("/proc/loadavg").read_text().split()[3].partition("/")[0]
             others.append(int(computing) - 1)
         time.sleep(0.05)
-    return cores + 1 + min(3, max(0, median_low(others or [0]) - cores))
+    return cores + min(4, max(0, median_low(others or [0]) - cores))
 
 
 def pytest_collection_modifyitems(items):
