@@ -31,6 +31,7 @@ from sitl_mock.tables import read_toml
 from sitl_mock.transports.loop import Arrival
 
 QUEUE_MAX: Final = 4096
+CONNECT_S: Final = 3.0
 _LINK: Final = "onboard"
 
 # A vehicle's messages come in bursts of dozens; on a busy machine Zenoh's two batches of real-time traffic and its wait
@@ -65,8 +66,17 @@ def configuration(
             {
                 "mode": mode,
                 "listen": {"endpoints": listens},
-                "connect": {"endpoints": connects, "timeout_ms": 3000, "exit_on_failure": True},
-                "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+                "connect": {
+                    "endpoints": connects,
+                    "timeout_ms": round(CONNECT_S * 1e3),
+                    "exit_on_failure": True,
+                },
+                # A router waits for this delay when it opens, also if it searches for nobody
+                "scouting": {
+                    "multicast": {"enabled": False},
+                    "gossip": {"enabled": False},
+                    "delay": 0,
+                },
                 "transport": {
                     "shared_memory": {"enabled": False},
                     **keys,

@@ -218,7 +218,7 @@ def serial(kind: str, _router: object) -> Iterator[Rig]:
 
 
 def router_config(port: int) -> "zenoh.Config":
-    closed = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
+    closed = {"multicast": {"enabled": False}, "gossip": {"enabled": False}, "delay": 0}
     listen = {"endpoints": [f"tcp/127.0.0.1:{port}"]}
     shared = {"shared_memory": {"enabled": False}}
     return zenoh.Config.from_json5(
@@ -227,7 +227,7 @@ def router_config(port: int) -> "zenoh.Config":
 
 
 class Router:
-    """A Zenoh router on loopback; opening one takes half a second, so that the tests share it."""
+    """A Zenoh router on loopback."""
 
     def __init__(self, port: int, session: "zenoh.Session") -> None:
         self.port = port

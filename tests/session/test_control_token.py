@@ -177,7 +177,7 @@ def test_nobody_gets_in_without_the_token(control, endpoint, path, tmp_path):
     forged = tmp_path / "forged"
     forged.write_text("guidance:" + "00" * 32)
     with pytest.raises(LinkError, match="does not let us in"):
-        join_session(endpoint, forged)
+        join_session(endpoint, forged, timeout_s=1.0)
     with join_session(endpoint, path) as session:
         assert session.info.routers_zid()
 

@@ -65,7 +65,12 @@ def direct_session(
     document = {
         "mode": mode,
         **{key: endpoints.get(key, {"endpoints": []}) for key in ("listen", "connect")},
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        # A router waits for this delay when it opens, also if it searches for nobody
+        "scouting": {
+            "multicast": {"enabled": False},
+            "gossip": {"enabled": False},
+            "delay": 0,
+        },
         "transport": {"shared_memory": {"enabled": False}, **transport},
     }
     # Zenoh reads it when the first session of a process opens

@@ -59,7 +59,8 @@ def test_keys_are_those_of_the_real_px4():
 
 class TestEndpoint:
     @pytest.fixture
-    def endpoint(self, address):
+    def endpoint(self, address, monkeypatch):
+        monkeypatch.setattr("sitl_mock.transports.zenoh_session.CONNECT_S", 0.1)
         endpoint = Px4ZenohEndpoint({"uav1": 3}, address)
         yield endpoint
         endpoint.close()

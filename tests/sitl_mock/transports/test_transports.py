@@ -177,7 +177,8 @@ class TestZenoh:
         with pytest.raises(TransportError, match="tcp/nowhere"):
             ZenohEndpoint(["uav1"], "tcp/nowhere")
 
-    def test_a_router_that_is_not_there_is_named(self):
+    def test_a_router_that_is_not_there_is_named(self, monkeypatch):
+        monkeypatch.setattr("sitl_mock.transports.zenoh_session.CONNECT_S", 0.1)
         address = f"tcp/127.0.0.1:{free_port()}"
         with pytest.raises(TransportError, match="cannot be reached"):
             ZenohEndpoint(["uav1"], address, mode="client", connect=True)
