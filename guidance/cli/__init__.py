@@ -1,5 +1,6 @@
 """The `guidance` command. Orders take a fast path; all other commands are in `guidance.cli.program`."""
 
+import gc
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +13,9 @@ from guidance.texts import printable
 INTERRUPTED = 130
 FAULT = 70
 """Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
+
+_COLLECTED_AFTER: Final = 20_000
+"""Objects after which garbage is searched for; what modules create stays, and searching is an eighth of a start."""
 
 _ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort", "reset"})
 _OPTIONS: Final = {
@@ -26,6 +30,7 @@ _OPTIONS: Final = {
 def main() -> None:
     """Run the command line. Errors that the user can fix end with a message and an exit code (`docs/exit-codes.md`)."""
     open_outlets()
+    gc.set_threshold(_COLLECTED_AFTER)
     try:
         _run()
     except KeyboardInterrupt:
