@@ -189,8 +189,7 @@ LONGER = {
     ),
     "faults": Step(
         "flights with faults, checked against the mock's true state (docs/faults.md)",
-        # With today's ten of the short tests there are forty.
-        (sys.executable, "-m", "tests.faults", "--flights", "30", "--jobs", "1"),
+        (sys.executable, "-m", "tests.faults", "--jobs", "1"),
         arguments="--flights 1000 --seed 7",
         nice=GIVES_WAY,
     ),

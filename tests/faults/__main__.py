@@ -20,7 +20,9 @@ from tests.faults import teams
 from tests.faults.drawing import AUTOPILOTS, KINDS, SHARED, draw_case
 from tests.faults.flying import Row, Starts, fly
 
-FLIGHTS = 40
+FLIGHTS = 30
+"""With the ten of every change there are forty."""
+
 TOLD_EVERY = 20
 WALLS = ("fence", "polygon", "floor", "ceiling", "stand-off")
 
