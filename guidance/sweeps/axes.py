@@ -17,7 +17,6 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
-from scipy import stats
 
 from guidance.config import Section
 from guidance.game.arrays import FloatArray
@@ -110,12 +109,16 @@ class Distribution(Section):
     @cached_property
     def distribution(self) -> Any:  # noqa: ANN401 - SciPy has no type for it
         """SciPy's distribution of a number; None if a value is a position or a choice."""
+        if not (self.uniform or self.log_uniform or self.normal):
+            return None
+        from scipy import stats  # noqa: PLC0415 - takes half a second, and a grid needs none
+
         if self.uniform:
             low, high = self.uniform
             return stats.uniform(low, high - low)
         if self.log_uniform:
             return stats.loguniform(*self.log_uniform)
-        return stats.norm(*self.normal) if self.normal else None
+        return stats.norm(*self.normal)
 
     @property
     def extremes(self) -> Sequence[Any]:
