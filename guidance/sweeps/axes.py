@@ -109,7 +109,7 @@ class Distribution(Section):
     @cached_property
     def distribution(self) -> Any:  # noqa: ANN401 - SciPy has no type for it
         """SciPy's distribution of a number; None if a value is a position or a choice."""
-        if not (self.uniform or self.log_uniform or self.normal):
+        if self.radii_m or self.choice:
             return None
         from scipy import stats  # noqa: PLC0415 - takes half a second, and a grid needs none
 
@@ -118,7 +118,7 @@ class Distribution(Section):
             return stats.uniform(low, high - low)
         if self.log_uniform:
             return stats.loguniform(*self.log_uniform)
-        return stats.norm(*self.normal)
+        return stats.norm(*self.normal) if self.normal else None
 
     @property
     def extremes(self) -> Sequence[Any]:
