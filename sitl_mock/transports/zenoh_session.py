@@ -32,6 +32,8 @@ from sitl_mock.transports.loop import Arrival
 
 QUEUE_MAX: Final = 4096
 CONNECT_S: Final = 3.0
+"""How long a session that connects waits for its endpoint."""
+
 _LINK: Final = "onboard"
 
 # A vehicle's messages come in bursts of dozens; on a busy machine Zenoh's two batches of real-time traffic and its wait
